@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,7 +15,6 @@ from aatri.cli.terminal.console import reports_errors, say, say_json, say_table
 if TYPE_CHECKING:
     from aatri.cli.arguments.planning import Opened
     from aatri.errors import GateError
-    from aatri.pipeline.plan.compare import Compared
 
 _COLUMNS = {
     "images": ("images", 1.0),
@@ -76,7 +75,7 @@ def design(
         return failure_of(judge(one.spec, records, chosen.stages))
 
     compared, failed = made_variants(opened, made(opened), made)
-    layouts = {stage: _figures(compared, stage) for stage in stages}
+    layouts = {s: {run.name: run.records[s]["metrics"] for run in compared if s in run.records} for s in stages}
     options = {stage: compared[0].records[stage]["options"] for stage in stages if stage in compared[0].records}
     stated = {s for s, o in options.items() if None not in (o.get("sigma_m"), o.get("distance_m"))}
     if json:
@@ -85,10 +84,6 @@ def design(
         for stage in stages:
             _say_layouts(stage, layouts[stage], one_criterion=stage in stated)
     say_failures(failed)
-
-
-def _figures(runs: Sequence[Compared], stage: str) -> dict[str, Mapping[str, Any]]:
-    return {run.name: run.records[stage]["metrics"] for run in runs if stage in run.records}
 
 
 def _say_layouts(stage: str, layouts: Mapping[str, Mapping[str, Any]], *, one_criterion: bool) -> None:

@@ -31,11 +31,11 @@ def plain_decision(decision: Decision) -> dict[str, Any]:
     }
 
 
-def say_plan(opened: Opened, plan: Plan, *, only_selected: bool) -> None:
+def say_plan(opened: Opened, plan: Plan) -> None:
     """A line per stage: what is to be done and why."""
     rows = []
     for node, decision in zip(opened.nodes, plan.decisions, strict=True):
-        state = decision.state.value if decision.selected or not only_selected else "not selected"
+        state = decision.state.value if decision.selected else "not selected"
         rows.append([node.name, node.method.name, state, reasons_of(decision)])
     say_table(("stage", "method", "plan", "why"), rows)
     say()

@@ -134,7 +134,7 @@ def run(
         from aatri.cli.plan_table import plain_plan, say_plan
 
         planned = opened.plan(selection, verify=verify)
-        say_json(plain_plan(planned)) if json else say_plan(opened, planned, only_selected=True)
+        say_json(plain_plan(planned)) if json else say_plan(opened, planned)
         return
     if cluster and jobs > 1:
         raise SpecError("--jobs beside --cluster", remedy="a cluster has the number of its workers")

@@ -57,7 +57,10 @@ def show(
     for name, contents in header["tables"].items():
         say()
         say(f"{name}: {several(contents['rows'], 'row')}. {contents['description']}")
-        rows = [[f"  {n}", _shape(c["shape"]), c["units"], c["description"]] for n, c in contents["columns"].items()]
+        rows = [
+            [f"  {n}", "x".join(map(str, c["shape"])), c["units"], c["description"]]
+            for n, c in contents["columns"].items()
+        ]
         say_table(("  column", "shape", "unit", "description"), rows)
     say()
     _say_provenance(record)
@@ -121,10 +124,6 @@ def _say_warnings(path: Path) -> None:
 def _finite(value: Any) -> Any:
     """JSON has no NaN: what is not given is null."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _shape(shape: Any) -> str:
-    return "x".join(str(n) for n in shape)
 
 
 def _say_provenance(record: dict[str, Any] | None) -> None:

@@ -22,6 +22,8 @@ from aatri.report.view.numbers import counted, number, small_angle, spoken
 from aatri.report.view.run_view import RunView
 from aatri.units import listed, of_model, rms_alike, together
 
+CONTRADICTORY = "The result contradicts its own tests: do not use it before the first warning is answered."
+
 MOST_NAMED = 3
 """Of one kind in a sentence."""
 
@@ -46,7 +48,7 @@ def judgement(run: RunView) -> str:
     figures = with_check_counts(evaluations[-1].metrics) if evaluations else {}
     sentences = [
         left,
-        _contradiction(solution),
+        CONTRADICTORY if solution.contradictions else "",
         purpose or _accuracy(figures, run.last(Block)),
         _far_off(run.last(Evaluation)),
         not_oriented(solution),
@@ -82,14 +84,6 @@ def _of_purpose(run: RunView) -> str:
         if e.verdict and name not in of_results
     }
     return " ".join(f"{name}: {verdict}" if len(verdicts) > 1 else verdict for name, verdict in verdicts.items())
-
-
-def _contradiction(solution: Solution) -> str:
-    return (
-        "The result contradicts its own tests: do not use it before the first warning is answered."
-        if (solution.contradictions)
-        else ""
-    )
 
 
 def _accuracy(figures: Mapping[str, float], block: Block | None) -> str:

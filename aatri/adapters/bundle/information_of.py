@@ -176,10 +176,7 @@ def _digest(block: Block, kind: str, row: int) -> int:
         return 0
     table, column = VALUES[kind]
     values = np.ravel(getattr(getattr(block, table), column)[row]).tolist()
-    return _number(" ".join(f"{v:.12g}" for v in values))
-
-
-def _number(text: str) -> int:
+    text = " ".join(f"{v:.12g}" for v in values)
     return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=7).digest(), "big") + 1
 
 

@@ -30,7 +30,8 @@ def say_side_by_side(runs: Sequence[Compared]) -> None:
 def _say_accuracies(stage: str, runs: Sequence[Compared]) -> None:
     """One evaluation of every run; runs that give what the first gives stand in one line."""
     cells = {run.name: _accuracies(run.records[stage]["metrics"]) if stage in run.records else None for run in runs}
-    names = [n for n in _heads() if any(c and n in c for c in cells.values())]
+    heads = [f"{group} {part}" for group in _ACCURACY for part in ("XY", "Z")]
+    names = [n for n in heads if any(c and n in c for c in cells.values())]
     rows, same, first = [], [], cells[runs[0].name]
     for run in runs:
         own = cells[run.name]
@@ -46,10 +47,6 @@ def _say_accuracies(stage: str, runs: Sequence[Compared]) -> None:
     if same:
         say(f"as {runs[0].name}: {', '.join(same)}")
     say()
-
-
-def _heads() -> list[str]:
-    return [f"{group} {part}" for group in _ACCURACY for part in ("XY", "Z")]
 
 
 def _accuracies(metrics: Any) -> dict[str, str]:

@@ -76,13 +76,15 @@ def read_colmap(
     names = [image.name for image in images]
     lines = [image.line for image in images]
     rotation, position_m = _poses(images)
-    exterior: Columns = {
+    exterior: dict[str, Any] = {
         "image": names,
         "position_m": position_m,
         "angles_rad": angles_from_rotation(rotation),
         "file": IMAGES,
         "line": lines,
     }
+    if position_sigma_m is not None:
+        exterior |= {"position_use": OBSERVED_VALUE, "sigma_m": position_sigma_m}
     ground, paths = with_control(_ground_points(model), model.paths, control, reporter)
     return block_of(
         name=folder.resolve().name,
@@ -99,7 +101,7 @@ def read_colmap(
         points=[str(point) for point in model.points.tolist()],
         image_points=_image_points(model, pixel_mm, image_sigma_px, reporter),
         ground_points=ground,
-        exterior=exterior if position_sigma_m is None else _observed(exterior, position_sigma_m),
+        exterior=exterior,
     )
 
 
@@ -220,7 +222,3 @@ def _ground_points(model: ColmapModel) -> Columns:
         "file": np.full(n, POINTS, np.int32),
         "line": np.asarray(model.point_lines),
     }
-
-
-def _observed(exterior: Columns, sigma_m: float) -> Columns:
-    return {**exterior, "position_use": OBSERVED_VALUE, "sigma_m": sigma_m}

@@ -48,7 +48,7 @@ def read_metashape(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter
     InputError
         If it is not of this form, or has what is not supported; the message names line and element.
     """
-    archive = _archive(path)
+    archive = Archive(path) if DOCUMENT in FileView(path).names else None
     root = _root(path, archive)
     if root.tag == "calibration":
         return _calibration(root, path, reading, reporter)
@@ -125,11 +125,6 @@ def _calibration(root: XmlElement, path: Path, reading: Reading, reporter: Repor
     lens = lens_of(root, path.stem, root.one("projection").text, size, PIXEL_MM)
     cameras = camera_parts([lens], reporter, allowed_px=reading.lens_misfit_px)
     return BlockParts("metashape", [path], name=path.stem, pixel_axes=PIXEL_AXES["metashape"], **cameras)
-
-
-def _archive(path: Path) -> Archive | None:
-    """The archive with a document that a file is; None of another."""
-    return Archive(path) if DOCUMENT in FileView(path).names else None
 
 
 def _root(path: Path, archive: Archive | None) -> XmlElement:

@@ -65,16 +65,12 @@ def read_gcp_list(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter 
             ids[key] = name or _next_name(ids)
             role = [CONTROL, CONTROL, CONTROL if np.isfinite(xyz[2]) else NO_ROLE]
             ground.append((ids[key], xyz, role, row.line))
-        elif not np.array_equal(xyz, _of(ground, ids[key]), equal_nan=True):
+        elif not np.array_equal(xyz, next(at for point, at, _, _ in ground if point == ids[key]), equal_nan=True):
             raise row.error(f"point {name!r} has other coordinates than before", "mend one of the lines")
         measured.append((row.words[5], ids[key], [row.number(3), row.number(4)], row.line))
     parts = control_parts("odm_gcp", path, frame, ground, measured, "odm_gcp")
     _tell_near(parts, path, reporter)
     return parts
-
-
-def _of(ground: list[tuple[str, list[float], list[int], int]], name: str) -> list[float]:
-    return next(xyz for point, xyz, _, _ in ground if point == name)
 
 
 def _next_name(ids: dict[object, str]) -> str:

@@ -63,7 +63,7 @@ def joined(sources: Sequence[BlockParts], reporter: Reporter) -> JoinedParts:
     _rename_points(tables, sources, reporter)
     _rename_cameras(tables, sources, reporter)
     made = JoinedParts(files)
-    made.tables["cameras"] = _first_of("cameras", "id", "camera", tables, files, reporter)
+    made.tables["cameras"] = _cameras(tables, files, reporter)
     of_camera = [(t["camera_parameters"], set(t["cameras"].get("id", ()))) for t in tables]
     made.tables["camera_parameters"] = _of_first_camera(of_camera)
     made.tables["image_points"] = together([t["image_points"] for t in tables])
@@ -168,21 +168,19 @@ def _renamed(rows: Rows, key: str, names: dict[str, str] | Any) -> Rows:
     return kept if len(kept[key]) else {}
 
 
-def _first_of(
-    table: str, key: str, what: str, tables: list[dict[str, Rows]], files: Sequence[Path], reporter: Reporter
-) -> Rows:
-    """Each id once: of the first source that has it, by a warning where another one says something else."""
-    rows = together([t[table] for t in tables])
+def _cameras(tables: list[dict[str, Rows]], files: Sequence[Path], reporter: Reporter) -> Rows:
+    """Each camera once: of the first source that has it, by a warning where another one says something else."""
+    rows = together([t["cameras"] for t in tables])
     if not rows:
         return {}
     chosen: dict[str, int] = {}
-    for k, name in enumerate(rows[key].tolist()):
+    for k, name in enumerate(rows["id"].tolist()):
         first = chosen.setdefault(name, k)
         if first != k and np.isnan(rows["principal_distance_mm"][first]):
             chosen[name] = k
         elif first != k and not _alike(rows, first, k):
             at, there = place(rows, k, files), place(rows, first, files)
-            reporter.warn(f"{at}: {what} {name} is another one than that of {there}, which is taken")
+            reporter.warn(f"{at}: camera {name} is another one than that of {there}, which is taken")
     return taken(rows, sorted(chosen.values()))
 
 

@@ -31,7 +31,6 @@ from aatri.artifacts.solution import (
     StripTransformations,
     Tests,
 )
-from aatri.artifacts.suspects import Suspects
 from aatri.codes import WORDS_OF_ROLES
 from aatri.errors import ResourceError
 from aatri.formats.results.column_names import (
@@ -94,7 +93,8 @@ def write_solution_tables(solution: Solution, block: Block, folder: Path) -> lis
             "exchanged": np.where(n.exchanged, "yes", "no"),
         }
     if len(solution.suspects):
-        tables["suspects.csv"] = _suspects(solution.suspects)
+        columns = ("kind", "image", "point", "stage", "size", "sigma", "unit", "test", "verdict", "error")
+        tables["suspects.csv"] = named(solution.suspects, *columns)
     if len(solution.transformations):
         tables["transformations.csv"] = named(solution.transformations)
     tp = frame_tp(solution.transformations)
@@ -207,10 +207,6 @@ def _tests(residuals: Residuals, tests: Tests) -> Columns:
         "unit": by_kind["unit"],
         "active": by_kind["active"],
     }
-
-
-def _suspects(rows: Suspects) -> Columns:
-    return named(rows, "kind", "image", "point", "stage", "size", "sigma", "unit", "test", "verdict", "error")
 
 
 def _frame(block: Block) -> Columns:

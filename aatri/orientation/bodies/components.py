@@ -152,7 +152,7 @@ def _adjusted(
     local = np.searchsorted(strips, own_points.strip)
     reference = int(np.argmax(np.bincount(local, minlength=len(strips))))
     to_held = inverse(pose[reference])
-    centre = _means(own_points.xyz, local, len(strips))
+    centre = sums_of(own_points.xyz, local, len(strips)) / np.bincount(local, minlength=len(strips))[:, None]
     start = [compose(compose(to_held, p), Similarity(c, 1.0, np.eye(3))) for p, c in zip(pose, centre)]
     ties = similarity_ties(
         local,
@@ -188,11 +188,6 @@ def _loosest(points: BodyPoints, strips: Int) -> int:
     shared = np.bincount(points.point)[points.point] > 1
     count = np.bincount(points.strip[shared], minlength=int(strips.max()) + 1)[strips]
     return int(strips[np.argmin(count)])
-
-
-def _means(xyz: Float, of: Int, n: int) -> Float:
-    """Mean coordinates of each strip."""
-    return sums_of(xyz, of, n) / np.bincount(of, minlength=n)[:, None]
 
 
 def _plausible(xyz: Float, variance: Float, point: Int) -> Bool:

@@ -36,14 +36,12 @@ def of_unknown(inputs: BundleInput, group: str) -> BundleInput:
     touched = [o.records.groups for o in inputs.observed]
     unknown_groups = {name for names in touched if group in names for name in names} - ({POSE, POINT} - {group})
     observed = tuple(
-        o if group in names or names <= unknown_groups else replace(o, records=replace(o.records, active=_none(o)))
+        o
+        if group in names or names <= unknown_groups
+        else replace(o, records=replace(o.records, active=np.zeros(len(o), dtype=bool)))
         for o, names in zip(inputs.observed, touched)
     )
     return replace(inputs, observed=observed)
-
-
-def _none(o: Observed) -> Bool:
-    return np.zeros(len(o), dtype=bool)
 
 
 def switched_off(before: BundleInput, after: BundleInput) -> list[Note]:

@@ -60,9 +60,9 @@ def unused(
         if any(node.method.kind == record.get("output", {}).get("kind") for node in takers):
             continue
         if sum(node.method.kind == record.get("output", {}).get("kind") for node in nodes) == 1:
-            warnings += [
-                (source, _of_nothing(name)) for name in ignore if not any(covers(name, o.name) for o in offers)
-            ]
+            of_nothing = [name for name in ignore if not any(covers(name, o.name) for o in offers)]
+            remedy = "there is nothing of that name to ignore; take it out, or mend the name"
+            warnings += [(source, f"pipeline.yaml, ignore: {name}: {remedy}") for name in of_nothing]
         if record.get("offers") is not None:
             errors += _missing(takers, source, {offer.name: offer.what for offer in offers})[:1]
         for offer in offers:
@@ -116,10 +116,6 @@ def _warning(offer: Offer, ignored: bool, silent: list[str]) -> str:
     elif silent and offer.nature not in MILD:
         reason = f"no stage says that it uses it ({', '.join(silent)} states nothing)"
     return f"{prefix}{offer.what}: {reason}"
-
-
-def _of_nothing(name: str) -> str:
-    return f"pipeline.yaml, ignore: {name}: there is nothing of that name to ignore; take it out, or mend the name"
 
 
 def _quoted(name: str) -> str:

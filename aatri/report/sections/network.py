@@ -73,17 +73,13 @@ def shapes_table(block: Block, solution: Solution) -> PageTable | None:
         "shape": control.type[conditions],
         "points": [shown(members.id[members_of[int(c)]].tolist(), NAMED) for c in conditions],
         "normal or axis": lying,
-        "sigma": [_sigma_text(float(sigma_m)) for sigma_m in control.sigma[conditions]],
+        "sigma": ["exact" if m == 0 else together([m]) for m in control.sigma[conditions].tolist()],
         "used": np.array([len(of_shape) for of_shape in v]),
         "rejected": np.array([len(rows[int(c)]) - len(of_shape) for c, of_shape in zip(conditions, v)]),
         **lengths("RMS_residual", np.array([np.sqrt(np.nanmean(r**2)) if r.size else np.nan for r in v])),
         **lengths("largest", np.array([np.nanmax(np.abs(r)) if r.size else np.nan for r in v])),
     }
     return all_rows("Planes, lines and round shapes", columns)
-
-
-def _sigma_text(sigma_m: float) -> str:
-    return "exact" if sigma_m == 0 else together([sigma_m])
 
 
 def _points_of_shape(solution: Solution, rows: Int) -> Float:

@@ -24,6 +24,7 @@ from aatri.adjustment.statistics.attribution import CONTROLLED
 from aatri.adjustment.statistics.leave_one_out import as_good
 from aatri.adjustment.statistics.limits import ALARM, SEPARABLE
 from aatri.adjustment.stepping.adjusted import Adjusted
+from aatri.adjustment.whitening import times_whitener
 from aatri.arrays import Float, Int
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import POINT, POSE
@@ -237,7 +238,7 @@ def _residuals(
     v, jacobians = whitened(records, adjusted.state, rows)
     effect = np.zeros((len(adjusted_kind.observed), records.rows))
     np.add.at(effect, group.rows, group.effect)
-    after = v + _whitened_effect(records.whitener[rows], effect[rows])
+    after = v + times_whitener(records.whitener[rows], effect[rows], ())[0]
     for (name, block), J in zip(records.touches, jacobians):
         after += np.einsum("nmk,nk->nm", J, change[name][block[rows]])
     r = 1.0 - np.einsum("nii->ni", adjusted_kind.covariance[rows])
@@ -258,10 +259,6 @@ def most_fit_better(before: Float, after: Float, *, absorbed: bool = False) -> b
     change, gain = ((after - before) ** 2).sum(axis=1), (before**2 - after**2).sum(axis=1)
     better = gain[(not absorbed) | (change >= 0.5 * change.mean())] > 0
     return (not absorbed or len(better) > 3) and bool(better.mean() > 0.5 + 0.5 / np.sqrt(len(better)))
-
-
-def _whitened_effect(whitener: Float, effect: Float) -> Float:
-    return whitener * effect if whitener.ndim == 2 else np.einsum("nij,nj->ni", whitener, effect)
 
 
 def _with_harm(block: BundleInput, result: BundleResult, group: Group, change: dict[str, Float]) -> Group:
