@@ -73,6 +73,13 @@ class Control:
         return covariance
 
 
+def known_at(point: Int, xyz_m: Float, covariance_m2: Float) -> Control:
+    """Points observed in all coordinates that stand in no table; covariances are (n, 3, 3), or one of all."""
+    none, all_ = np.full(len(point), -1, dtype=np.int32), np.ones((len(point), 3), dtype=bool)
+    covariances_m2 = np.broadcast_to(covariance_m2, (len(point), 3, 3)).copy()
+    return Control(none, point.astype(np.int32), xyz_m, covariances_m2, all_, ~all_)
+
+
 def control_of(block: Block) -> Control:
     """Control points of a block, in the order of its ground_points."""
     ground = block.ground_points

@@ -145,6 +145,11 @@ class Table:
         n = max(lengths, default=1 if stated else 0)
         return cls(**{name: _of_rows(stated.get(name), c, n) for name, c in declared.items()})
 
+    def followed_by(self, other: Self) -> Self:
+        """The rows of this table, and those of another below them."""
+        names = columns_of(type(self))
+        return type(self)(**{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names})
+
     def take(self, rows: npt.ArrayLike) -> Self:
         """The table of the chosen rows (numbers or a mask), in their order."""
         chosen = np.asarray(rows)

@@ -15,7 +15,7 @@ from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import ArtifactError, GeometryError, InputError
-from aatri.ids import shown
+from aatri.ids import rows_of, shown
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.image_points import image_points as observed_image_points
 from aatri.observations.image_points import rays_of
@@ -180,14 +180,9 @@ def rays_of_rejected_ties(block: Block, image_points: ImagePoints | None, suspec
     ties = np.flatnonzero((suspects.kind == STRIP_TIE) & staying_out(suspects))
     if image_points is None or not len(ties):
         return set()
-    strip_row, point_row = (
-        {name: k for k, name in enumerate(ids.tolist())} for ids in (block.strips.id, block.points.id)
-    )
-    pairs = zip(suspects.image[ties].tolist(), suspects.point[ties].tolist())
-    n, m = len(block.points), image_points.measurements
-    rejected = [
-        strip_row[strip] * n + point_row[point] for strip, point in pairs if strip in strip_row and point in point_row
-    ]
+    strip, point = rows_of(suspects.image[ties], block.strips.id), rows_of(suspects.point[ties], block.points.id)
+    n, m, known = len(block.points), image_points.measurements, (strip >= 0) & (point >= 0)
+    rejected = (strip.astype(np.int64) * n + point)[known]
     rows = np.flatnonzero(np.isin(block.images.strip[m.image].astype(np.int64) * n + m.point, rejected))
     return {(IMAGE_POINT, row) for row in rows.tolist()}
 

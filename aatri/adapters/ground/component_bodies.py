@@ -10,7 +10,7 @@ from aatri.arrays import Float, Text, finite_rows
 from aatri.artifacts.block import Block
 from aatri.codes import CONTROL
 from aatri.observations.attitudes import KIND as ATTITUDE
-from aatri.observations.control import Control, observed_control
+from aatri.observations.control import known_at, observed_control
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.positions import Positions, observed_positions
@@ -81,10 +81,10 @@ def observed_by_neighbours(
     for other in neighbours:
         image, point = np.flatnonzero(images & other.images), np.flatnonzero(points & finite_rows(other.xyz))
         images, points = images & ~other.images, points & ~finite_rows(other.xyz)
-        C, all_ = precision(other, rays) ** 2 * np.eye(3), np.ones((len(point), 3), dtype=bool)
-        none, ids = np.full(len(point), -1, dtype=np.int32), block.images.id[image]
-        control = Control(none, point.astype(np.int32), other.xyz[point], np.tile(C, (len(point), 1, 1)), all_, ~all_)
-        observed += observed_control(control, np.zeros(3), block.points.id[point], kind=NEIGHBOUR)
+        C, ids = precision(other, rays) ** 2 * np.eye(3), block.images.id[image]
+        observed += observed_control(
+            known_at(point, other.xyz[point], C), np.zeros(3), block.points.id[point], kind=NEIGHBOUR
+        )
         if len(image):
             arm, variances = np.zeros((len(image), 3)), np.tile(C, (len(image), 1, 1))
             none = np.full(len(image), -1, dtype=np.int32)
@@ -104,10 +104,9 @@ def observed_at_datum_points(ground: GroundObserved) -> tuple[Text, tuple[Observ
     sigma_m = DATUM_SHARE * float(np.linalg.norm(np.ptp(xyz[known], axis=0))) if known.any() else 0.0
     if not (len(row) and sigma_m > 0):
         return np.zeros(0, dtype=np.str_), ()
-    point, all_ = table.point[row].astype(np.int32), np.ones((len(row), 3), dtype=bool)
-    C = np.tile(sigma_m**2 * np.eye(3), (len(row), 1, 1))
-    approximate = Control(np.full(len(row), -1, dtype=np.int32), point, xyz[row], C, all_, ~all_)
+    point = table.point[row]
     ids = ground.block.points.id[point]
+    approximate = known_at(point, xyz[row], sigma_m**2 * np.eye(3))
     return ids, observed_control(approximate, np.zeros(3), ids, kind=NEIGHBOUR)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from aatri.adapters.ground.initial_orientation import OnGround
 from aatri.adapters.ground.initial_tests import STAGE, left_out_table, residuals_at
-from aatri.adapters.solution import stacked
+from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import components_of, residuals_of, suspects_of, tests_of, uncontrolled_kinds
 from aatri.arrays import Bool, Float, Int, finite_rows
@@ -136,20 +136,19 @@ def _of_one(rays: ImagePointRows, rows: Int, component: Int) -> Int:
 
 def _trimmed(block: Block, rays: ImagePointRows, placed: _Placed, rows: Int, verdict: str) -> Suspects:
     """Image points that do not fit the points of the others, or those of a point of which no two clearly fit."""
-    n, off = len(rows), residuals_mm(rays, rows, placed.poses, placed.xyz)
+    off = residuals_mm(rays, rows, placed.poses, placed.xyz)
     sigma = rays.sigma_mm[rows].mean(axis=1)
     finite: Bool = np.isfinite(off)
-    return Suspects(
-        kind=np.full(n, "image_point"),
-        row=rows.astype(np.int32),
+    return suspect_rows(
+        STAGE,
+        "image_point",
+        row=rows,
         image=block.images.id[rays.image[rows]],
         point=block.points.id[rays.point[rows]],
-        stage=np.full(n, STAGE),
         size=np.where(finite, off, np.nan),
-        unit=np.full(n, "mm"),
         sigma=sigma,
         test=np.where(finite, off / sigma, np.nan),
-        verdict=np.full(n, verdict),
+        verdict=verdict,
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from aatri.adapters.imported import read_at
 from aatri.arrays import Bool, Float, Int
-from aatri.artifacts.block import Block
+from aatri.artifacts.block import Block, Cameras
 from aatri.artifacts.image_points import FiducialResiduals, Interior
 from aatri.camera.pixels import mm_from_pixel
 from aatri.errors import InputError
@@ -77,14 +77,23 @@ def film_marks(block: Block, images: Int) -> FilmMarks:
 
 def nominal_matrix(block: Block, camera: int) -> Float:
     """Linear part of the measured system of a film camera: to mm, x right, y up, (2, 2)."""
-    cameras = block.cameras
-    if cameras.image_coordinates[camera] != "pixel":
+    if block.cameras.image_coordinates[camera] != "pixel":
         return np.eye(2)
+    return pixel_matrix(block.cameras, camera, "image-centre", np.ones(2))[:, :2]
+
+
+def pixel_matrix(cameras: Cameras, camera: int, origin: str, format_px: Float) -> Float:
+    """Matrix (2, 3) from pixels of a camera, counted from an origin, to mm from the image centre.
+
+    Raises
+    ------
+    InputError
+        If the camera does not say what it takes.
+    """
     try:
-        centred = mm_from_pixel(cameras.pixel_size_mm[camera], "image-centre", cameras.pixel_y[camera], np.ones(2))
+        return mm_from_pixel(cameras.pixel_size_mm[camera], origin, cameras.pixel_y[camera], format_px)
     except InputError as error:
         raise InputError(error.what, where=f"camera {cameras.id[camera]}", remedy=error.remedy) from error
-    return centred[:, :2]
 
 
 def film_interior(marks: FilmMarks, fit: FiducialFit) -> Interior:

@@ -147,7 +147,7 @@ def with_fiducials(block: Block, image: Int, fiducial: Int, xy: Float, sigma_mm:
     """
     others = block.fiducial_points.take(~np.isin(block.fiducial_points.image, image))
     further = FiducialPoints.of(image=image, fiducial=fiducial, xy=xy, sigma_mm=sigma_mm)
-    rows = joined_rows(others, further)
+    rows = others.followed_by(further)
     return replace(block, fiducial_points=rows.take(np.lexsort((rows.fiducial, rows.image))))
 
 
@@ -180,7 +180,7 @@ def with_image_points(block: Block, image: Int, point: Text, xy_px: Float, sigma
         sigma_mm=sigma_px[:, None] * size_mm,
         row_time_s=row_time_s,
     )
-    rows = joined_rows(tables["image_points"], further)
+    rows = tables["image_points"].followed_by(further)
     tables |= {"points": Points(id=ids), "image_points": rows.take(image_point_order(rows))}
     return replace(block, **tables)
 
@@ -201,7 +201,7 @@ def with_measured(block: Block, rows: Int, xy_px: Float, sigma_px: Float, left_o
     active[left_out] = False
     names = [f"{block.images.id[points.image[k]]}/{block.points.id[points.point[k]]}" for k in left_out.tolist()]
     further = Rejects.of(kind="image_point", id=names, reason=reason) if names else Rejects.empty()
-    rejects = joined_rows(block.rejects, further)
+    rejects = block.rejects.followed_by(further)
     matrix = from_first_pixel(block)[points.image[rows]]
     xy, sigma_mm = points.xy.copy(), points.sigma_mm.copy()
     xy[rows] = np.einsum("nij,nj->ni", matrix[:, :, :2], xy_px[rows]) + matrix[:, :, 2]
@@ -222,12 +222,6 @@ def without_image_points(block: Block, which: Bool) -> Block:
     at = (np.cumsum(named) - 1).astype(np.int32)
     tables = {name: _renumbered(rows, at) for name, rows in tables.items()}
     return replace(block, **(tables | {"points": Points(id=block.points.id[named])}))
-
-
-def joined_rows(first: T, second: T) -> T:
-    """Two tables of a kind one below the other."""
-    names = columns_of(type(first))
-    return type(first)(**{n: np.concatenate([getattr(first, n), getattr(second, n)]) for n in names})
 
 
 def _renumbered(rows: Table, at: Int) -> Table:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from aatri.adapters.interior.film_marks import pixel_matrix
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
@@ -15,7 +16,7 @@ from aatri.artifacts.image_points import (
     PointIds,
 )
 from aatri.artifacts.suspects import Suspects
-from aatri.camera.pixels import half_format_mm, mm_from_pixel
+from aatri.camera.pixels import half_format_mm
 from aatri.errors import InputError
 from aatri.geometry.plane_transformations import transform_plane
 from aatri.geometry.vectors import largest_length
@@ -102,7 +103,6 @@ def measured_to_photo(interior: Interior, row: Int, uv: Float) -> Float:
 
 def _calibrated_matrix(block: Block, camera: int) -> Float:
     cameras = block.cameras
-    where = f"camera {cameras.id[camera]}"
     system = cameras.image_coordinates[camera]
     if system == "photo":
         return np.eye(2, 3)
@@ -110,15 +110,10 @@ def _calibrated_matrix(block: Block, camera: int) -> Float:
     if system == "comparator" or (film and cameras.pixel_origin[camera] != "image-centre"):
         raise InputError(
             f"{system} coordinates of film have no calibrated relation to the photo system",
-            where=where,
+            where=f"camera {cameras.id[camera]}",
             remedy="measure fiducial marks and use interior_orientation/affine",
         )
-    try:
-        return mm_from_pixel(
-            cameras.pixel_size_mm[camera], cameras.pixel_origin[camera], cameras.pixel_y[camera], cameras.format[camera]
-        )
-    except InputError as error:
-        raise InputError(error.what, where=where, remedy=error.remedy) from error
+    return pixel_matrix(cameras, camera, cameras.pixel_origin[camera], cameras.format[camera])
 
 
 def half_format_of(block: Block) -> Float:

@@ -15,7 +15,7 @@ from aatri.artifacts.block import Block
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.notes import Note
-from aatri.observations.control import Control, observed_control
+from aatri.observations.control import Control, known_at, observed_control
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
 from aatri.orientation.bodies.absolute import OrientationSettings, Start, orient_body
@@ -154,19 +154,11 @@ def _places(ground: _OnGround) -> Control:
         component = ground.free.components[k]
         new = np.flatnonzero([p not in taken for p in component.point.tolist()])
         taken |= set(component.point[new].tolist())
-        R, n = to.scale * to.rotation, len(new)
+        R = to.scale * to.rotation
         size_m = to.scale * float(np.linalg.norm(np.ptp(component.xyz, axis=0)))
         off_m = LEVEL_RAD * size_m if k in ground.level else 0.0
-        parts.append(
-            Control(
-                np.full(n, -1, dtype=np.int32),
-                component.point[new].astype(np.int32),
-                transform(to, component.xyz[new]) + ground.origin,
-                R @ component.covariance[new] @ R.T + off_m**2 * np.eye(3),
-                np.ones((n, 3), dtype=bool),
-                np.zeros((n, 3), dtype=bool),
-            )
-        )
+        covariance_m2 = R @ component.covariance[new] @ R.T + off_m**2 * np.eye(3)
+        parts.append(known_at(component.point[new], transform(to, component.xyz[new]) + ground.origin, covariance_m2))
     return Control(*(np.concatenate([getattr(c, f) for c in parts]) for f in Control.__dataclass_fields__))
 
 

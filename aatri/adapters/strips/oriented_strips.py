@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adapters import solution as assemble
-from aatri.arrays import Bool, Float, finite_rows
+from aatri.arrays import Bool, Float, Text, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import (
@@ -48,10 +48,14 @@ def usable_ties(strips: Strips) -> Bool:
     table = strips.strip_points
     if not len(strips.suspects):
         return np.ones(len(table), dtype=bool)
-    out = strips.suspects.take(np.flatnonzero((strips.suspects.kind == STRIP_TIE) & staying_out(strips.suspects)))
-    listed = set(zip(out.image.tolist(), out.point.tolist()))
-    names = zip(strips.strips.id[table.strip].tolist(), strips.points.id[table.point].tolist())
-    return np.array([pair not in listed for pair in names], dtype=bool)
+    return ~listed(strips.suspects, STRIP_TIE, strips.strips.id[table.strip], strips.points.id[table.point])
+
+
+def listed(suspects: Suspects, kind: str, image: Text, point: Text) -> Bool:
+    """Observations of a kind, (n,), that suspects which stay out name by the ids of image (or body) and point."""
+    out = suspects.take(np.flatnonzero((suspects.kind == kind) & staying_out(suspects)))
+    names = set(zip(out.image.tolist(), out.point.tolist()))
+    return np.array([pair in names for pair in zip(image.tolist(), point.tolist())], dtype=bool)
 
 
 def most_models(strips: Strips) -> int:
@@ -87,25 +91,12 @@ def transformation_rows(
     name: str, model: str, parameters: tuple[str, ...], values: npt.ArrayLike, sigma: npt.ArrayLike = np.nan
 ) -> StripTransformations:
     """Parameters of one strip's transformation."""
-    n = len(parameters)
-    return StripTransformations(
-        id=np.full(n, name),
-        model=np.full(n, model),
-        parameter=np.array(parameters, dtype=np.str_),
-        value=np.asarray(values, dtype=np.float64),
-        sigma=np.broadcast_to(np.asarray(sigma, dtype=np.float64), n),
-    )
+    return StripTransformations.of(id=name, model=model, parameter=parameters, value=values, sigma=sigma)
 
 
 def precision_row(name: str, tau_m: float) -> Parameters:
     """The deformation of strips that was added to the standard deviation of their points."""
-    return Parameters(
-        group=np.array(["strip_precision"]),
-        object=np.array([name]),
-        name=np.array(["tau_m"]),
-        value=np.array([tau_m]),
-        sigma=np.array([np.nan]),
-    )
+    return Parameters.of(group="strip_precision", object=[name], name="tau_m", value=tau_m, sigma=np.nan)
 
 
 @dataclass(frozen=True)

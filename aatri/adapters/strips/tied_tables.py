@@ -65,12 +65,10 @@ def not_rejected(observed: Sequence[Observed], before: Mapping[str, Suspects]) -
 def _rejected(o: Observed, before: Suspects) -> Bool:
     if not len(before):
         return np.zeros(len(o), dtype=bool)
-    table = before.take(np.flatnonzero((before.kind == o.kind) & staying_out(before)))
-    if not len(table) or (o.row >= 0).any():
-        return np.asarray(np.isin(o.row, table.row[table.row >= 0]))
-    listed = set(zip(table.image.tolist(), table.point.tolist()))
-    image, point = o.names(np.arange(len(o)))
-    return np.array([pair in listed for pair in zip(image.tolist(), point.tolist())], dtype=bool)
+    out = (before.kind == o.kind) & staying_out(before)
+    if not out.any() or (o.row >= 0).any():
+        return np.asarray(np.isin(o.row, before.row[out & (before.row >= 0)]))
+    return pieces.listed(before, o.kind, *o.names(np.arange(len(o))))
 
 
 def _native(result: TiedResult) -> Iterator[tuple[Observed, slice]]:

@@ -7,8 +7,6 @@ Test: none; many of one kind for one reason are told in one line.
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from aatri.adapters.imported import Imported
 from aatri.artifacts.block import BY_EDIT, Block, Rejects
 from aatri.checks.finding import Finding
@@ -20,17 +18,10 @@ def rejected(
     block: Block, kind: str, table: Imported, rows: Sequence[int], names: Sequence[str], reasons: Sequence[str]
 ) -> Block:
     """The block with rows of a table listed in its rejects."""
-    old = block.rejects
     if not len(rows):
         return block
-    rejects = Rejects.of(
-        kind=[*old.kind, *[kind] * len(rows)],
-        id=[*old.id, *names],
-        reason=[*old.reason, *reasons],
-        file=np.append(old.file, table.file[rows]),
-        line=np.append(old.line, table.line[rows]),
-    )
-    return replace(block, rejects=rejects)
+    rejects = Rejects.of(kind=kind, id=names, reason=reasons, file=table.file[rows], line=table.line[rows])
+    return replace(block, rejects=block.rejects.followed_by(rejects))
 
 
 def in_order(rejects: Rejects) -> Rejects:

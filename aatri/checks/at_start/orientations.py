@@ -10,10 +10,10 @@ images of a camera look the other way than at the start, as mirrored images of f
 
 import numpy as np
 
+from aatri.adapters.interior.photo_coordinates import half_format_of
 from aatri.arrays import Bool, Float, Int, Text, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
-from aatri.camera.pixels import half_format_mm
 from aatri.checks.finding import Finding
 from aatri.checks.limits import BEHIND, CONTROL_MARGIN, FEWEST_OF_MOST, HIGHEST_FLIGHT_M, UPWARDS
 from aatri.codes import OBSERVED_VALUE
@@ -91,7 +91,7 @@ def control_outside(block: Block, position_m: Float, ground_from_image: Float) -
     control, points = control_of(block), block.image_points
     number = control.row_in_full(len(block.points))
     c, camera = block.cameras, block.images.camera[points.image]
-    half = half_format_mm(np.asarray(c.kind == "digital"), c.format, c.pixel_size_mm)
+    half = half_format_of(block)
     usable: Bool = points.active & block.images.active[points.image] & (number[points.point] >= 0)
     usable &= finite_rows(position_m)[points.image] & finite_rows(half)[camera]
     if not usable.any():

@@ -155,19 +155,11 @@ def _set(values: Any, rows: Int, axes: Int | None, value: float) -> Any:
 
 def _listed(block: Block, edit: Edit, count: int) -> Block:
     """What is switched off stands among the rejects, with the number of observations where the edit names several."""
-    old, ids = block.rejects, [edit.ids[key] for key in ("image", "point", "from", "to") if key in edit.ids]
+    ids = [edit.ids[key] for key in ("image", "point", "from", "to") if key in edit.ids]
     by = BY_EDIT if count == 1 else f"{BY_EDIT}, all {count} that are called so"
     reason = f"{by}: {edit.reason}" if edit.reason else by
-    return replace(
-        block,
-        rejects=Rejects(
-            kind=np.append(old.kind, edit.kind),
-            id=np.append(old.id, "/".join(ids)),
-            reason=np.append(old.reason, reason),
-            file=np.append(old.file, -1).astype(np.int32),
-            line=np.append(old.line, -1).astype(np.int32),
-        ),
-    )
+    listed = Rejects.of(kind=[edit.kind], id=["/".join(ids)], reason=reason)
+    return replace(block, rejects=block.rejects.followed_by(listed))
 
 
 def _renumber(block: Block, edit: Edit, rows: Int, faults: Faults) -> Block:

@@ -7,7 +7,7 @@ import numpy as np
 from aatri.adapters.imported import read_at
 from aatri.artifacts.block import Block, RelativeControl, RelativeControlMembers
 from aatri.formats.merging.reconciliation import Reconciliation
-from aatri.formats.merging.rows import SAME, appended
+from aatri.formats.merging.rows import SAME
 from aatri.ids import shown
 
 Key = tuple[str, str, tuple[tuple[str, str], ...]]
@@ -34,7 +34,7 @@ def merged_conditions(a: Block, b: Block, rules: Reconciliation) -> tuple[Relati
             "file": np.where(other.file >= 0, other.file + len(a.files), -1),
         }
     )
-    return conditions_in_order(appended(a.relative_control, other), [*first, *(keys[k] for k in fresh)])
+    return conditions_in_order(a.relative_control.followed_by(other), [*first, *(keys[k] for k in fresh)])
 
 
 def conditions_of(block: Block) -> list[Key]:

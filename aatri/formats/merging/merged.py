@@ -20,7 +20,7 @@ from aatri.errors import InputError, raise_all
 from aatri.formats.merging.conditions import merged_conditions
 from aatri.formats.merging.differing import DifferingRows, excluded, exterior, ground, images, measured
 from aatri.formats.merging.reconciliation import Conflicts, Duplicates, Reconciliation
-from aatri.formats.merging.rows import Joined, appended, joined_by, with_rows
+from aatri.formats.merging.rows import Joined, joined_by, with_rows
 from aatri.formats.merging.taken import TABLE_OF_KIND, in_canonical_order
 from aatri.ids import amounts, printable, shown
 from aatri.progress import Reporter
@@ -119,7 +119,7 @@ def merged(
 def _merged_pair(a: Block, b: Block, rules: Reconciliation, reporter: Reporter, *, unconnected: bool) -> Block:
     _check_frames(a, b, rules)
     place: dict[str, Int] = {"files": np.append(len(a.files) + np.arange(len(b.files)), -1)}
-    tables: dict[str, Any] = {"files": appended(a.files, b.files)}
+    tables: dict[str, Any] = {"files": a.files.followed_by(b.files)}
     count: dict[str, tuple[int, int]] = {}
     for name, key in IDENTIFIES.items():
         first, second = _both(a, b, name, place)
@@ -136,7 +136,7 @@ def _merged_pair(a: Block, b: Block, rules: Reconciliation, reporter: Reporter, 
             again = joined.equal & second.active
             first = with_rows(first, joined.row[again], active=True)
         place[name] = np.append(np.where(fresh, len(first) + np.cumsum(fresh) - 1, joined.row), -1)
-        tables[name] = appended(first, second.take(fresh))
+        tables[name] = first.followed_by(second.take(fresh))
         count[name] = int((~fresh).sum()), int(fresh.sum())
     conditions = merged_conditions(a, b, rules)
     if rules.faults and (fault := _datum_fault(a, b, rules)):

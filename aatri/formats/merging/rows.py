@@ -89,13 +89,6 @@ def _equal(first: Table, rows: Int, second: Table, others: Int, beside: set[str]
     return same
 
 
-def appended(first: T, second: T) -> T:
-    """The rows of both."""
-    return type(first)(
-        **{name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in columns_of(type(first))}
-    )
-
-
 def with_rows(table: T, rows: Int, **values: npt.ArrayLike) -> T:
     """The table with other values in some rows of some columns."""
     columns: dict[str, Any] = {name: getattr(table, name).copy() for name in columns_of(type(table))}

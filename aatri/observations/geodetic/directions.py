@@ -27,6 +27,7 @@ from aatri.observations.geodetic.sights import (
     alike,
     around,
     observed_sights,
+    places_of_ends,
     rows_of_ends,
     sight_records,
     sights_of,
@@ -105,10 +106,7 @@ def _lonely(ids: Text, count: Int) -> tuple[Note, ...]:
 
 def orientation_start(rows: Sights, start: State, block: Int, n: int, level: Level) -> Float:
     """Orientation of each set from the start of its stations and targets, (n,) rad: 0 where nothing is known."""
-    ends = [
-        np.where(image[:, None], _places(start, POSE, at), _places(start, POINT, at))
-        for image, at in ((rows.station_is_image, rows.station), (rows.target_is_image, rows.target))
-    ]
+    ends = places_of_ends(rows, start)
     has_line: Bool = np.isfinite(np.hstack([end[:, :2] for end in ends])).all(axis=1)
     zero = np.zeros(len(rows))
     line = line_between(level, np.nan_to_num(ends[0]), np.nan_to_num(ends[1]), zero, zero)[0]
@@ -116,11 +114,6 @@ def orientation_start(rows: Sights, start: State, block: Int, n: int, level: Lev
     o = np.where(has_line, bearing(np.where(has_line[:, None], line, 1.0))[0] - rows.value, 0.0)
     east, north = (np.bincount(block[has_line], f(o[has_line]), n) for f in (np.sin, np.cos))
     return np.asarray(np.arctan2(east, north))
-
-
-def _places(start: State, group: str, at: Int) -> Float:
-    placed = position(start, group)
-    return placed[np.where(at < len(placed), at, 0)] if len(placed) else np.full((len(at), 3), np.nan)
 
 
 def _shown(t: Float, unknowns: Float) -> tuple[Float, Float, Float]:

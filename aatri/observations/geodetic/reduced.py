@@ -23,9 +23,8 @@ from aatri.errors import AatriError, InputError
 from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.geodetic.lengths import slope
-from aatri.observations.geodetic.sights import Between, Measured, Sights
+from aatri.observations.geodetic.sights import Between, Measured, Sights, places_of_ends
 from aatri.observations.level import Level
-from aatri.observations.poses import POINT, POSE, position
 
 if TYPE_CHECKING:
     from aatri.frames.tangent import TangentFrame
@@ -130,10 +129,5 @@ def not_reduced(source: ObservationSource, rows: Sights) -> tuple[Note, ...]:
 
 def _middles(source: ObservationSource, rows: Sights) -> Float:
     """Middles of the lines, in the coordinates of the block; NaN where an end is unknown."""
-    ends = []
-    for image, at in ((rows.station_is_image, rows.station), (rows.target_is_image, rows.target)):
-        ends.append(np.full((len(rows), 3), np.nan))
-        for group, of_group in ((POSE, image), (POINT, ~image)):
-            if of_group.any():
-                ends[-1][of_group] = position(source.start, group)[at[of_group]]
+    ends = places_of_ends(rows, source.start)
     return np.asarray(0.5 * (ends[0] + ends[1]) + source.origin_m)

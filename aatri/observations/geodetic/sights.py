@@ -83,6 +83,17 @@ def sights_of(block: Block, *types: str) -> Sights:
     )
 
 
+def places_of_ends(rows: Sights, start: State) -> list[Float]:
+    """Stations, and targets, at the start of an adjustment, (n, 3) each; NaN unknown."""
+    ends = []
+    for image, at in ((rows.station_is_image, rows.station), (rows.target_is_image, rows.target)):
+        ends.append(np.full((len(rows), 3), np.nan))
+        for group, of_group in ((POSE, image), (POINT, ~image)):
+            if of_group.any():
+                ends[-1][of_group] = position(start, group)[at[of_group]]
+    return ends
+
+
 def rows_of_ends(block: Block, names: Text, kinds: Text) -> Int:
     """Rows in images or points."""
     return np.where(kinds == "image", rows_of(names, block.images.id), rows_of(names, block.points.id))
