@@ -12,6 +12,8 @@ of the ground. All are imported from here.
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block_control import (
     Exterior,
@@ -189,6 +191,13 @@ class Block(Artifact):
     true_images: TrueImages | None = table(default=None)
     true_points: TruePoints | None = table(default=None)
     gross_errors: GrossErrors | None = table(default=None)
+
+    @property
+    def positions_m(self) -> Float:
+        """Positions of exterior.csv, observed or approximate, image by image, (n_images, 3), m; NaN not given."""
+        position_m = np.full((len(self.images), 3), np.nan)
+        position_m[self.exterior.image] = self.exterior.position_m
+        return position_m
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts of what was given."""

@@ -8,8 +8,6 @@ of the block, so that a plan is checked before anything is built.
 Source: lecture notes on close range, 5.4 (A1508); see aatri/evaluation/field_layout.py.
 """
 
-import numpy as np
-
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
@@ -40,8 +38,7 @@ def field_layout(
     InputError
         If the block has no targets.
     """
-    position_m = np.full((len(block.images), 3), np.nan)
-    position_m[block.exterior.image] = block.exterior.position_m
+    position_m = block.positions_m
     if block.true_images is not None:
         position_m[block.true_images.image] = block.true_images.position_m
     if solution is not None:

@@ -31,8 +31,7 @@ def chosen_pairs(block: Block, images: Int, features: Sequence[Kept], options: F
     """
     if options.pairs_file is not None:
         return _listed(options.pairs_file, block, images, context)
-    position_m = np.full((len(block.images), 3), np.nan)
-    position_m[block.exterior.image] = block.exterior.position_m
+    position_m = block.positions_m
     placed = np.isfinite(position_m[images, :2]).all(axis=1)
     pairing = options.pairs
     if pairing == "auto":

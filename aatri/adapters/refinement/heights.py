@@ -37,8 +37,7 @@ class Stations:
 def stations_of(block: Block, image_points: ImagePoints, poses: Solution | None) -> tuple[Stations, tuple[Note, ...]]:
     """Stations as orientations tell them, else their positions and attitudes, else the photo scale."""
     tangent = is_tangent_frame(str(block.frames.crs[0]) if len(block.frames) else "")
-    place = np.full((len(block.images), 3), np.nan)
-    place[block.exterior.image] = block.exterior.position_m
+    place = block.positions_m
     level = np.full((len(block.images), 3, 3), np.nan)
     level[block.exterior.image] = _level_by_angles(block, tangent)
     oriented = np.zeros(len(block.images), dtype=bool)

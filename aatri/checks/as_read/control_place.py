@@ -37,8 +37,7 @@ def control_off_the_block(block: Block) -> list[Finding]:
     number = np.full(len(block.points), -1)
     number[control.point] = np.arange(len(control.point))
     rows = points.active & block.images.active[points.image] & (number[points.point] >= 0)
-    position = np.full((len(block.images), 3), np.nan)
-    position[block.exterior.image] = block.exterior.position_m
+    position = block.positions_m
     ids = block.points.id[control.point].tolist()
     xyz_m = np.where(control.given, control.xyz_m, np.nan)
     seen, image = number[points.point[rows]], points.image[rows]

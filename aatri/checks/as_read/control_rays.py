@@ -125,11 +125,7 @@ def control_rays(block: Block, xy_mm: Float, usable: Bool) -> ControlRays:
     usable : (k,) bool
     """
     control, points, c = control_of(block), block.image_points, block.cameras
-    number = np.full(len(block.points), -1)
-    full = control.given.all(axis=1)
-    number[control.point[full]] = np.flatnonzero(full)
-    position = np.full((len(block.images), 3), np.nan)
-    position[block.exterior.image] = block.exterior.position_m
+    number, position = control.row_in_full(len(block.points)), block.positions_m
     use = usable & (number[points.point] >= 0) & np.isfinite(position[points.image]).all(axis=1)
     image, camera = points.image[use], block.images.camera[points.image[use]]
     variance = np.zeros(len(block.images))

@@ -95,9 +95,7 @@ def image_positions(block: Block, solution: Solution | None) -> Float:
     """
     if solution is not None:
         return solution.images.position_m
-    positions = np.full((len(block.images), 3), np.nan)
-    positions[block.exterior.image] = block.exterior.position_m
-    return positions
+    return block.positions_m
 
 
 def ground_positions(block: Block, solution: Solution | None) -> Float:
