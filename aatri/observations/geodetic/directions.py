@@ -15,7 +15,7 @@ import numpy as np
 
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns, add_step
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Float, Int, Text, finite_rows
 from aatri.notes import Note
 from aatri.observations.geodetic.lengths import bearing
 from aatri.observations.geodetic.reduced import check_map, in_map
@@ -107,10 +107,10 @@ def _lonely(ids: Text, count: Int) -> tuple[Note, ...]:
 def orientation_start(rows: Sights, start: State, block: Int, n: int, level: Level) -> Float:
     """Orientation of each set from the start of its stations and targets, (n,) rad: 0 where nothing is known."""
     ends = places_of_ends(rows, start)
-    has_line: Bool = np.isfinite(np.hstack([end[:, :2] for end in ends])).all(axis=1)
+    has_line = finite_rows(np.hstack([end[:, :2] for end in ends]))
     zero = np.zeros(len(rows))
     line = line_between(level, np.nan_to_num(ends[0]), np.nan_to_num(ends[1]), zero, zero)[0]
-    has_line &= (line[:, :2] != 0).any(axis=1)
+    has_line &= np.asarray((line[:, :2] != 0).any(axis=1))
     o = np.where(has_line, bearing(np.where(has_line[:, None], line, 1.0))[0] - rows.value, 0.0)
     east, north = (np.bincount(block[has_line], f(o[has_line]), n) for f in (np.sin, np.cos))
     return np.asarray(np.arctan2(east, north))
