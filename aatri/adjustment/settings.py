@@ -11,6 +11,9 @@ Ordering = Literal["auto", "nested_dissection", "minimum_degree", "across_strips
 Solver = Literal["auto", "direct", "conjugate_gradients"]
 
 
+QUICK = 0.01
+"""Decrement over that of the step before, from which on an iteration is as good as at its end."""
+
 ENOUGH, MOST = 30, 60
 """Iterations of an adjustment, and of one that still makes progress then: curved valleys of weak blocks."""
 
@@ -23,6 +26,8 @@ class SolverSettings:
     """Default: `ENOUGH`, and `MOST` where it still makes progress; see `goes_on`."""
     tolerance: float = 1e-3
     """Bound of the Newton decrement."""
+    near_tolerance: float | None = None
+    """Where the last step is less than `QUICK` of the one before, iterations go on to this bound: one or two more."""
     ordering: Ordering = "auto"
     """`nested_dissection`, `minimum_degree`, `auto`: the better of the two, or for few vertices one front; or the
     chains `across_strips` and `along_strips`: by the second or the first coordinate of the blocks' positions."""

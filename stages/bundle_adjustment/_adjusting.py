@@ -155,6 +155,7 @@ def _settings(options: BundleOptions, adjusting: AdjustOptions, context: Context
     solution = SolverSettings(
         max_iterations=options.max_iterations,
         tolerance=max(options.tolerance, COARSE) if adjusting.coarse else options.tolerance,
+        near_tolerance=options.tolerance if adjusting.to_end_if_near else None,
         ordering=options.ordering,
         reproducible=options.reproducible,
         memory_gb=options.memory_gb,

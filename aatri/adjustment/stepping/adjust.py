@@ -29,7 +29,7 @@ from aatri.adjustment.openness.set_aside import (
 from aatri.adjustment.others import NotInParts, Others
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
-from aatri.adjustment.settings import ENOUGH, MOST, SolverSettings
+from aatri.adjustment.settings import ENOUGH, MOST, QUICK, SolverSettings
 from aatri.adjustment.stepping.adjusted import Adjusted, Step
 from aatri.adjustment.stepping.iteration import (
     IterationState,
@@ -117,7 +117,7 @@ def adjust_large(
         tell_iteration(reporter, iteration, factored.cost, redundancy, here.decrement, here.damping.value)
         trial = retract_state(problem.unknowns, here.state, step)
         trial = steadied(problem, curve(here.state, trial, step) if curve else trial, veto)
-        if _may_end(here, settings.tolerance, linear=linear):
+        if _may_end(here, _bound(settings, history), linear=linear):
             end = _end(here, trial, step, history, notes, stiff, reporter, linear=linear)
             if isinstance(end, Adjusted):
                 return end
@@ -153,6 +153,12 @@ def _begun(
     if not factored.factor.is_direct:
         refuse_singular(problem, start)
     return here, [*notes, *more]
+
+
+def _bound(settings: SolverSettings, history: Sequence[Step]) -> float:
+    """Of the decrement of the last step."""
+    is_near = len(history) > 1 and history[-1].decrement < QUICK * history[-2].decrement
+    return settings.tolerance if settings.near_tolerance is None or not is_near else settings.near_tolerance
 
 
 def _may_end(here: IterationState, tolerance: float, *, linear: bool) -> bool:

@@ -140,7 +140,7 @@ class FittedSigmas(Rejections):
     def _initial_least_squares(self, active: Bool) -> TestedBlock | None:
         """Least squares with everything; None where that fails."""
         try:
-            return self._tested(self.adjust(self.block, AdjustOptions(coarse=True)), active)
+            return self._tested(self.adjust(self.block, AdjustOptions(coarse=True, to_end_if_near=True)), active)
         except (ConvergenceError, GeometryError):
             return None
 

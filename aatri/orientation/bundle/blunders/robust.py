@@ -41,6 +41,8 @@ class AdjustOptions:
     """Tuple of (n,). Of all records, kind by kind; empty: 1."""
     coarse: bool = False
     """It need not converge to the end."""
+    to_end_if_near: bool = False
+    """Coarse, but to the end where one or two steps lead there: where nothing is rejected it is the result."""
     covariances: bool = True
     """With standard deviations, where these are wanted at all."""
 

@@ -187,7 +187,7 @@ def _groups_before_single_errors(
 ) -> tuple[list[Group], BundleResult | None]:
     """Groups that explain what is above the limit better than single observations do; least squares with them."""
     groups, most = list(carried), MOST_GROUPS + len(carried)
-    result = _squares(with_groups(block, groups) if groups else block, adjust)
+    result = _squares(with_groups(block, groups) if groups else block, adjust, first=True)
     while result is not None and len(groups) < most:
         if tests_in_use(result).max() <= options.limit:
             break
@@ -244,9 +244,9 @@ def _adjusted_with(
     return group, result
 
 
-def _squares(block: BundleInput, adjust: Adjust) -> BundleResult | None:
-    """Least squares with everything; None where that fails."""
-    return attempted(lambda: adjust(block, AdjustOptions(coarse=True)))
+def _squares(block: BundleInput, adjust: Adjust, *, first: bool = False) -> BundleResult | None:
+    """Least squares with everything; None where that fails. The first are the result where nothing is rejected."""
+    return attempted(lambda: adjust(block, AdjustOptions(coarse=True, to_end_if_near=first)))
 
 
 def _without_group_unknowns(
