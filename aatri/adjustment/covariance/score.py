@@ -26,7 +26,7 @@ from scipy.sparse import csr_array, hstack
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
-from aatri.adjustment.elimination.effects import Effects, reduced_effects
+from aatri.adjustment.elimination.effects import Effects, WhitenedEffects, reduced_effects, whitened_effects
 from aatri.adjustment.elimination.right_hand_sides import sides_of, without_blocks
 from aatri.adjustment.elimination.unit_products import unit_products
 from aatri.adjustment.records import Records, whitened
@@ -133,7 +133,7 @@ def score(
     rows, unit = rows[order], unit[order]
     at_a_time = max(1, int(ROOM_BYTES / 8 / _length(adjusted.problem, records, by_rays=ray is not None)) // k)
     firsts = range(0, n, at_a_time)
-    kept: list[csr_array] = [csr_array((0, 0))] * len(firsts)
+    kept: list[tuple[Int, csr_array]] = [(np.zeros(0, dtype=np.int64), csr_array((0, 0)))] * len(firsts)
     W = {} if ray is not None else _constraint_reduction(adjusted)
     by_constraints = np.zeros_like(scores.information)  # which leave more to be seen
 
@@ -143,20 +143,23 @@ def score(
         chunk = slice(None) if n <= at_a_time else np.flatnonzero((unit >= first) & (unit < first + at_a_time))
         here = slice(first, min(first + at_a_time, n))
         part = Score(scores.gradient[here], scores.total[here], scores.information[here])
-        whitened_H = _WhitenedEffects(records, rows[chunk], H, order[chunk])
+        whitened_H = WhitenedEffects(records, rows[chunk], H, order[chunk])
         if ray is None:
             right, groups = _add_records(part, adjusted, records, rows[chunk], whitened_H[:], unit[chunk] - first)
             by_constraints[here] = _by_constraints(W, groups, *part.gradient.shape)
         else:
             right = _add_rays(part, adjusted, ray[order[chunk]], whitened_H, unit[chunk] - first)
-        kept[number] = _nonzero(right)
+        gaining = np.flatnonzero(part.gains(range(k))[0] >= least_gain)
+        columns = slice(None) if len(gaining) == len(part.total) else _columns(gaining, k)
+        kept[number] = first + gaining, _nonzero(right[:, columns])
 
     if ray is not None:
         _ = adjusted.problem.ray_lane, adjusted.problem.ray_columns  # made once, not by each thread
     with one_blas_thread(), ThreadPoolExecutor(min(adjusted.problem.threads, MOST_AT_ONCE)) as pool:
         run_all(pool, [partial(add, number) for number in range(len(firsts))])
     if n:
-        _subtract_taken_up(scores, adjusted, hstack(kept, format="csr"), least_gain)
+        gaining_units, sides = zip(*kept)
+        _subtract_taken_up(scores, adjusted, np.concatenate(gaining_units), hstack(sides, format="csr"))
     scores.information[:] += by_constraints
     return scores
 
@@ -224,15 +227,19 @@ def _by_constraints(W: dict[str, Float], groups: dict[str, Float], n: int, k: in
     return np.asarray(common @ common.swapaxes(1, 2))
 
 
-def _subtract_taken_up(scores: Score, adjusted: Adjusted, right: csr_array, least_gain: float) -> None:
-    """What the kept unknowns take up, of the units that may gain enough."""
-    (n, k), factored = scores.gradient.shape, adjusted.factored
+def _columns(units: Int, k: int) -> Int:
+    """Those of the right-hand sides of some units."""
+    return (units[:, None] * k + np.arange(k)).ravel()
+
+
+def _subtract_taken_up(scores: Score, adjusted: Adjusted, gaining: Int, right: csr_array) -> None:
+    """What the kept unknowns take up, of the units that may gain enough, which have the right-hand sides."""
+    k, factored = scores.gradient.shape[1], adjusted.factored
     assert factored is not None
-    gaining = np.flatnonzero(scores.gains(range(k))[0] >= least_gain)
     at_a_time = max(1, int(ROOM_BYTES / 8 / max(adjusted.problem.tree.largest_front, 1)) // k)
     for first in range(0, len(gaining), at_a_time):  # all meet in the last front
         units = gaining[first : first + at_a_time]
-        of_units = right if len(units) == n else right[:, (units[:, None] * k + np.arange(k)).ravel()]
+        of_units = right if len(units) == len(gaining) else right[:, first * k : (first + len(units)) * k]
         squares, products = unit_products(adjusted.problem, factored, of_units, k)
         scores.information[units] -= squares
         scores.gradient[units] -= products
@@ -248,38 +255,12 @@ def moved(adjusted: Adjusted, records: Records, rows: Int, effect: Float) -> dic
     """
     adjusted = with_factor(adjusted)
     one = np.zeros(len(rows), dtype=np.int64)
-    H = _whitened_effects(records, rows, effect[:, :, None].copy())
+    H = whitened_effects(records, rows, effect[:, :, None].copy())
     right = _sides(adjusted, records, rows, H, one, 1)[1]
     problem, factored, state = adjusted.problem, adjusted.factored, adjusted.state
     assert factored is not None
     product = covariance_times(problem, factored, state, covariance_reduction(problem, factored, state), right)
     return {group: -values[:, :, 0] for group, values in product.items()}
-
-
-@dataclass(frozen=True)
-class _WhitenedEffects:
-    """Effects of which so many are whitened as are asked for at a time: those of all image points are large."""
-
-    records: Records
-    rows: Int
-    """(n,). Of the records."""
-    H: Effects
-    order: Int
-    """(n,). Row of H of each."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        return len(self.rows), *self.H.shape[1:]
-
-    def __getitem__(self, part: slice, /) -> Float:
-        return _whitened_effects(self.records, self.rows[part], self.H[self.order[part]])
-
-
-def _whitened_effects(records: Records, rows: Int, H: Float) -> Float:
-    """Whitened, in the place of H where no matrices are needed; zero where a record is not active."""
-    L = records.whitener[rows]
-    L = np.where(records.active[rows].reshape(-1, *[1] * (L.ndim - 1)), L, 0.0)
-    return np.multiply(L[:, :, None], H, out=H) if L.ndim == 2 else L @ H
 
 
 def _sides(

@@ -6,6 +6,7 @@ U = L^-1 c, what is left of them for the kept unknowns x is
     A'(H - B L^-T U),     H'H - U'U,     H'v - U'y            summed over rays and blocks,  y = L^-1 B'v
 """
 
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,9 +15,14 @@ from aatri.adjustment.elimination.chunks import linearised
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.schedule import Stretch
 from aatri.adjustment.kernels.reduce_effects import reduce_effects
+from aatri.adjustment.records import Records
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
+
+
+GAP = 16
+"""Blocks that are linearised without need rather than begin anew behind them."""
 
 
 class Effects(Protocol):
@@ -33,8 +39,32 @@ class Effects(Protocol):
         """Those of some rows, a new array."""
 
 
-GAP = 16
-"""Blocks that are linearised without need rather than begin anew behind them."""
+@dataclass(frozen=True)
+class WhitenedEffects:
+    """Effects of which so many are whitened as are asked for at a time: those of all image points are large."""
+
+    records: Records
+    rows: Int
+    """(n,). Of the records."""
+    H: Effects
+    order: Int
+    """(n,). Row of H of each."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """n, m and k."""
+        return len(self.rows), *self.H.shape[1:]
+
+    def __getitem__(self, part: slice, /) -> Float:
+        """Those of some rows, whitened."""
+        return whitened_effects(self.records, self.rows[part], self.H[self.order[part]])
+
+
+def whitened_effects(records: Records, rows: Int, H: Float) -> Float:
+    """Whitened, in the place of H where no matrices are needed; zero where a record is not active."""
+    L = records.whitener[rows]
+    L = np.where(records.active[rows].reshape(-1, *[1] * (L.ndim - 1)), L, 0.0)
+    return np.multiply(L[:, :, None], H, out=H) if L.ndim == 2 else L @ H
 
 
 def reduced_effects(
