@@ -20,7 +20,6 @@ from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 
-
 GAP = 16
 """Blocks that are linearised without need rather than begin anew behind them."""
 
