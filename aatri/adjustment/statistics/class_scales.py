@@ -11,7 +11,7 @@ degrees of freedom: s is as sharp as all residuals of so much less redundancy.
 
 A scale counts as different from 1, or from another, where chance does not explain it (`ALARM`, for all classes of
 a block together) and where it matters. With a redundancy below `ESTIMABLE` a class keeps its standard deviations,
-unless the residuals of its kind tell by their cofactors together that they are too small (`small_scales`).
+unless the residuals of its kind tell by their cofactors together that they are wrong (`small_scales`).
 
 Source: Huber 1981, Robust Statistics, 5 (M-estimates of scale); Foerstner 1979 (redundancy numbers of groups).
 """
@@ -49,13 +49,15 @@ class ClassScales:
     """(g,)."""
     estimable: Bool
     """(g,)."""
+    tested: Bool | None = None
+    """(g,). Scales that have passed a test of their own (`small_scales`)."""
 
     @property
     def differing(self) -> Float:
         """The scale of classes where it is clearly not 1, and 1 elsewhere, (g,): what tests are made with."""
         low, high = self._by_chance(EFFICIENCY * self.redundancy)
         off = (self.scale < np.minimum(low, 1.0 / MATTERS)) | (self.scale > np.maximum(high, MATTERS))
-        return np.where(self.estimable & off, self.scale, 1.0)
+        return np.where(self.estimable & (off if self.tested is None else off | self.tested), self.scale, 1.0)
 
     @property
     def main(self) -> int:

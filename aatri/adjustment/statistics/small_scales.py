@@ -1,4 +1,4 @@
-"""By how much the standard deviations of a small class of observations are too small: thirteen control points, say.
+"""By how much the standard deviations of a small class of observations are wrong: thirteen control points, say.
 
 Where its standard deviations are a fifth of the true ones the others give way, the redundancy of the class is next to
 nothing, and the size of its residuals says little: their *distribution* does. With errors of s times the standard
@@ -7,13 +7,12 @@ deviations given its whitened residuals v, of cofactor R (of all of them togethe
     z_k = u_k'v / sqrt(l_k)  ~  N(0, 1 + (s^2 - 1) l_k),      -2 ln L(s) = sum ln(1 + (s^2 - 1) l_k) + z_k^2 / (...)
 
 s maximises it (restricted maximum likelihood). s = 1 is left where 2 ln(L(s) / L(1)) is beyond the quantile of half a
-chi-square of one degree at `ALARM`, and gross errors do not explain as much, of up to `room.SMALL_ROOM` records of the
-class or of one of another kind, given values of a camera too: each lets v'R^-v fall by v_j'R_jj^-1 v_j, of all
-components of the record or of one, and costs the quantile of chi-square of so many degrees at `ALARM` (`SEPARABLE` of
-another kind).
+chi-square of one degree at `ALARM`, either way, and gross errors do not explain as much where s is above 1, of up to
+`room.SMALL_ROOM` records of the class or of one of another kind, given values of a camera too: each lets v'R^-v fall by
+v_j'R_jj^-1 v_j, of all components of the record or of one, and costs the quantile of chi-square of so many degrees at
+`ALARM` (`SEPARABLE` of another kind).
 
-Source: Patterson and Thompson 1971 (restricted maximum likelihood); Koch 1986 (variance components); Self and Liang
-1987 (the test of s at the end of its range).
+Source: Patterson and Thompson 1971 (restricted maximum likelihood); Koch 1986 (variance components).
 """
 
 import numpy as np
@@ -25,7 +24,8 @@ from aatri.arrays import Float, Int
 
 LIMIT = float(chdtri(1.0, 2.0 * ALARM))
 
-_SCALES = np.exp(np.linspace(0.0, np.log(50.0), 151))
+_SCALES = np.concatenate([[1.0], np.exp(np.linspace(np.log(0.01), np.log(50.0), 327))])
+"""The first is 1. Errors of a hundredth of the standard deviations are none: an example was made without."""
 
 
 def small_class_scale(v: Float, R: Float, record: Int, gain_of_others: float = 0.0) -> tuple[float, float]:
@@ -50,9 +50,23 @@ def small_class_scale(v: Float, R: Float, record: Int, gain_of_others: float = 0
     cost = (np.log(variance) + z2 / variance).sum(axis=1)
     best = int(cost.argmin())
     gain = float(cost[0] - cost[best])
-    if gain <= LIMIT or gain <= max(gain_of_others - SEPARABLE, _gain_of_gross_errors(v, R, record)):
+    too_small = _SCALES[best] > 1.0
+    if gain <= LIMIT or (too_small and gain <= max(gain_of_others - SEPARABLE, _gain_of_gross_errors(v, R, record))):
         return 1.0, float(size.sum())
     return float(_SCALES[best]), float((_SCALES[best] ** 2 * size / variance[best]).sum())
+
+
+def may_be_told(v: Float, redundancy: Float, record: Int, gain_of_others: float) -> bool:
+    """Whether a scale could be told by the cofactor of all components, of which the redundancy numbers are known.
+
+    Parameters
+    ----------
+    v, redundancy : (n,) float64
+    """
+    share = max(float((v**2).sum() / redundancy.sum()), 1e-12) if redundancy.any() else 1.0
+    most = redundancy.sum() * (share - 1.0 - np.log(share))  # all of it in so many directions as there is redundancy
+    too_large = share < 1.0 and most > LIMIT
+    return bool(too_large or small_class_scale(v, np.diag(redundancy), record, gain_of_others)[0] != 1.0)
 
 
 def _beyond_chance(g: Float, M: Float) -> float:

@@ -96,6 +96,15 @@ def _residuals(scale: float, seed: int, sigma: float = SIGMA) -> tuple[Float, Fl
 def test_right_standard_deviations_are_left_alone() -> None:
     told = sum(small_class_scale(*_residuals(1.0, seed), RECORD)[0] > 1.0 for seed in range(600))
     assert told <= 3  # 0.6 by the level of 0.1 %; more than 3 once in 300
+    told = sum(small_class_scale(*_residuals(1.0, seed, 5.0), RECORD)[0] < 1.0 for seed in range(600))
+    assert told <= 3
+
+
+@pytest.mark.parametrize("scale", [0.1, 0.2])
+def test_a_multiple_of_the_true_ones_is_told(scale: float) -> None:
+    found = np.array([small_class_scale(*_residuals(scale, seed, 5.0), RECORD) for seed in range(10)])
+    assert (found[:, 0] < 1.0).all()
+    assert np.median(found[:, 0]) == pytest.approx(scale, rel=0.15)
 
 
 @pytest.mark.slow(after=1)
