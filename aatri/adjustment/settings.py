@@ -12,7 +12,9 @@ Solver = Literal["auto", "direct", "conjugate_gradients"]
 
 
 QUICK = 0.01
-"""Decrement over that of the step before, from which on an iteration is as good as at its end."""
+"""Decrement over that of the step before, below which the next will be smaller by as much again: near its end
+Gauss-Newton squares the error, or divides it by a constant factor where residuals are large. From 5 two steps lead below
+1e-3."""
 
 ENOUGH, MOST = 30, 60
 """Iterations of an adjustment, and of one that still makes progress then: curved valleys of weak blocks."""
@@ -27,7 +29,7 @@ class SolverSettings:
     tolerance: float = 1e-3
     """Bound of the Newton decrement."""
     near_tolerance: float | None = None
-    """Where the last step is less than `QUICK` of the one before, iterations go on to this bound: one or two more."""
+    """Bound instead of `tolerance` as long as each decrement is less than `QUICK` of the one before."""
     ordering: Ordering = "auto"
     """`nested_dissection`, `minimum_degree`, `auto`: the better of the two, or for few vertices one front; or the
     chains `across_strips` and `along_strips`: by the second or the first coordinate of the blocks' positions."""

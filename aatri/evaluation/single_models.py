@@ -31,7 +31,7 @@ CHUNK = 4_000
 """Points restituted at once, which stay in the cache."""
 
 NEXT, AFTER = [1, 2, 0], [2, 0, 1]
-"""Of the three coordinates."""
+"""Cyclic successors of the three coordinates, for the cofactors of a matrix."""
 
 STEPS = 2
 """From the adjusted point the intersection has converged after two steps."""

@@ -150,8 +150,9 @@ def score(
         else:
             right = _add_rays(part, adjusted, ray[order[chunk]], whitened_H, unit[chunk] - first)
         gaining = np.flatnonzero(part.gains(range(k))[0] >= least_gain)
-        columns = slice(None) if len(gaining) == len(part.total) else _columns(gaining, k)
-        kept[number] = first + gaining, _nonzero(right[:, columns])
+        sides = _nonzero(right)
+        few = sides[:, (gaining[:, None] * k + np.arange(k)).ravel()] if len(gaining) < len(part.total) else sides
+        kept[number] = first + gaining, few
 
     if ray is not None:
         _ = adjusted.problem.ray_lane, adjusted.problem.ray_columns  # made once, not by each thread
@@ -225,11 +226,6 @@ def _by_constraints(W: dict[str, Float], groups: dict[str, Float], n: int, k: in
     by_unit = sum(np.einsum("nkc,nks->sc", W[group], values) for group, values in groups.items())
     common: Float = np.asarray(by_unit).reshape(n, k, -1)
     return np.asarray(common @ common.swapaxes(1, 2))
-
-
-def _columns(units: Int, k: int) -> Int:
-    """Those of the right-hand sides of some units."""
-    return (units[:, None] * k + np.arange(k)).ravel()
 
 
 def _subtract_taken_up(scores: Score, adjusted: Adjusted, gaining: Int, right: csr_array) -> None:

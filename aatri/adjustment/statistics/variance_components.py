@@ -66,7 +66,8 @@ def common_sigma(squares: Float, known_variance: Float, share: Float, *, robust:
         total = m * float(share[usable].sum())
         return float(np.sqrt(max(float(squares[usable].sum()), 0.0) / total)) if total > 0 else 0.0
     usable &= share > LEAST_SHARE
-    q, values, share = squares.T[:, usable], known_variance.T[:, usable], share[usable]
+    q, values = (np.stack([column[usable] for column in of_rows.T]) for of_rows in (squares, known_variance))
+    share = share[usable]
     sums, half = np.empty_like(share), len(share) // 2
     largest, total = float(values.max(initial=0.0)), m * float(share.sum())
     middle = 2 * float(gammaincinv(m / 2, 0.5)) * share  # the median of chi squared

@@ -156,9 +156,11 @@ def _begun(
 
 
 def _bound(settings: SolverSettings, history: Sequence[Step]) -> float:
-    """Of the decrement of the last step."""
-    is_near = len(history) > 1 and history[-1].decrement < QUICK * history[-2].decrement
-    return settings.tolerance if settings.near_tolerance is None or not is_near else settings.near_tolerance
+    """Of the decrement of the last step; with the last iteration that is allowed, `tolerance`."""
+    if settings.near_tolerance is None or not 1 < len(history) < (settings.max_iterations or ENOUGH):
+        return settings.tolerance
+    is_near = history[-1].decrement < QUICK * history[-2].decrement
+    return settings.near_tolerance if is_near else settings.tolerance
 
 
 def _may_end(here: IterationState, tolerance: float, *, linear: bool) -> bool:
