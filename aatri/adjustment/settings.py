@@ -12,9 +12,9 @@ Solver = Literal["auto", "direct", "conjugate_gradients"]
 
 
 QUICK = 0.01
-"""Decrement over that of the step before, below which the next will be smaller by as much again: near its end
-Gauss-Newton squares the error, or divides it by a constant factor where residuals are large. From 5 two steps lead below
-1e-3."""
+"""Decrement over that of the step before, below which the next is expected to be smaller by as much again: near its end
+Gauss-Newton squares the error, or divides it by a constant factor where residuals are large. From 5 to 1e-3 that takes
+two steps."""
 
 ENOUGH, MOST = 30, 60
 """Iterations of an adjustment, and of one that still makes progress then: curved valleys of weak blocks."""

@@ -24,6 +24,10 @@ LEAST_BASE = 1e-3
 """Share of the distance of the points: images from one place, as of a rig, are no model."""
 
 
+IMAGES_AT_ONCE = 1_000
+"""Images without a strip that are compared with all others at once."""
+
+
 @dataclass(frozen=True)
 class ModelRays:
     """Points of models, each with its two rays."""
@@ -121,10 +125,13 @@ def _candidates(block: Block, image: Int, point: Int) -> Int:
     if not len(single):
         return np.asarray(pairs)
     seen = csr_array((np.ones(len(image)), (image, point)), shape=(n, len(block.points)))
-    partner = []
-    for a in single.tolist():
-        shared = (seen @ seen[[a]].T).toarray()[:, 0]
-        shared[a] = 0.0
-        partner.append(int(shared.argmax()))
-    pairs = np.concatenate([pairs, np.sort(np.stack([single, partner], axis=1), axis=1)])
-    return pairs[np.sort(np.unique(pairs, axis=0, return_index=True)[1])]
+    parts = [pairs]
+    for own in np.array_split(single, -(-len(single) // IMAGES_AT_ONCE)):
+        shared = (seen[own] @ seen.T).tocoo()
+        others = own[shared.row] != shared.col
+        row, partner, count = shared.row[others], shared.col[others], shared.data[others]
+        order = np.lexsort((partner, -count, row))
+        row, first = np.unique(row[order], return_index=True)
+        parts.append(np.sort(np.stack([own[row], partner[order[first]]], axis=1), axis=1))
+    pairs = np.concatenate(parts)
+    return np.asarray(pairs[np.sort(np.unique(pairs, axis=0, return_index=True)[1])])

@@ -71,8 +71,8 @@ def write(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
     try:
         in_memory = size_of(artifact) <= IN_MEMORY_BYTES
         driver = {"driver": "core", "backing_store": False} if in_memory else {}
-        with ThreadPoolExecutor(1) as beside, h5py.File(path, "w-", libver=_LIBVER, **driver) as file:
-            digesting = beside.submit(content_digest, artifact)
+        with ThreadPoolExecutor(1) as hashing, h5py.File(path, "w-", libver=_LIBVER, **driver) as file:
+            digesting = hashing.submit(content_digest, artifact)
             file.attrs["schema_version"] = artifact.schema_version
             for name, declared in attributes_of(type(artifact)).items():
                 value = getattr(artifact, name)
