@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aatri.adjustment import threads
 from aatri.artifacts.block import CHECK
 from aatri.artifacts.solution import DatumCarriers
+from aatri.evaluation import ray_pairs, single_models
 from aatri.evaluation.ray_pairs import ModelRays
 from aatri.evaluation.single_models import intersected
 from aatri.observations.poses import Poses
@@ -134,6 +136,21 @@ def test_images_without_a_strip_are_paired_with_the_image_they_share_most_points
     for i, mine in enumerate(points):
         most = max(len(mine & points[j]) for j in range(len(points)) if j != i)
         assert any(i in pair and len(set.intersection(*(points[j] for j in pair))) == most for pair in pairs)
+
+
+def test_pieces_and_threads_change_no_model(chain: Chain, monkeypatch: pytest.MonkeyPatch) -> None:
+    images = chain.block.images
+    strip = np.where(np.arange(len(images)) % 3 == 0, -1, images.strip).astype(np.int32)
+    block = replace(chain.block, images=replace(images, strip=strip))
+    at_once = evaluation(block, chain.bundle).models
+    monkeypatch.setattr(single_models, "CHUNK", 7)
+    monkeypatch.setattr(ray_pairs, "IMAGES_AT_ONCE", 2)
+    monkeypatch.setattr(threads, "default_threads", lambda: 3)
+    in_pieces = evaluation(block, chain.bundle).models
+    assert at_once is not None
+    assert in_pieces is not None
+    for name in type(at_once).__dataclass_fields__:
+        np.testing.assert_array_equal(getattr(in_pieces, name), getattr(at_once, name), err_msg=name)
 
 
 def test_two_images_from_one_place_are_no_model(chain: Chain) -> None:

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from aatri.adjustment import threads
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, TRUTH
 from aatri.errors import GeometryError, InputError
 from aatri.formats.tables.writer import write_block
+from aatri.simulation import rays
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.tables import hdf5
 from aatri.tables.digest import content_digest
@@ -140,6 +142,13 @@ def test_options_that_make_no_sense_are_refused() -> None:
 
 def test_the_same_seed_gives_the_same_block_and_another_seed_another() -> None:
     assert content_digest(made(7)) == content_digest(made(7)) != content_digest(made(8))
+
+
+def test_images_taken_in_pieces_and_threads_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    at_once = made(3)
+    monkeypatch.setattr(rays, "CHUNK", 2)
+    monkeypatch.setattr(threads, "default_threads", lambda: 3)
+    assert content_digest(made(3)) == content_digest(at_once)
 
 
 def test_noise_has_the_size_of_the_sigmas_and_changes_nothing_else(rc30) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.records import Records
+from aatri.adjustment.statistics import variance_components
 from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, fitting, pool_of, stranded
 from aatri.adjustment.statistics.search import SETTLED, search
 from aatri.adjustment.statistics.variance_components import common_sigma
@@ -95,6 +96,18 @@ def test_the_added_standard_deviation_is_found_and_zero_where_none_is_needed() -
     assert common_sigma(0.5 * values, values, share, robust=False) == 0.0
     v[:200] = 50.0
     assert common_sigma(v**2, values, share, robust=True) == pytest.approx(tau, rel=0.15)
+
+
+@pytest.mark.parametrize("robust", [False, True])
+def test_the_added_standard_deviation_does_not_depend_on_the_pieces(
+    robust: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    values, rng = RNG.uniform(0.01, 0.2, (50, 3)) ** 2, np.random.default_rng(3)
+    squares, share = values * rng.chisquare(1, (50, 3)) * 4.0, np.where(np.arange(50) % 7 == 0, np.nan, 0.8)
+    at_once = common_sigma(squares, values, share, robust=robust)
+    monkeypatch.setattr(variance_components, "CHUNK", 7)
+    assert common_sigma(squares, values, share, robust=robust) == pytest.approx(at_once, rel=1e-8)
+    assert at_once > 0
 
 
 def test_the_added_standard_deviation_of_many_records_leaves_nothing_in_memory() -> None:

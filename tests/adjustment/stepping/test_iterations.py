@@ -47,6 +47,20 @@ def test_a_step_that_leaves_the_linear_model_is_followed_by_another(monkeypatch:
     assert after.history[-1].decrement < before.history[-1].decrement
 
 
+@pytest.mark.parametrize(("most", "iterations"), [(None, 3), (3, 3), (2, 2)])
+def test_a_coarse_adjustment_goes_to_its_end_where_that_is_near_and_iterations_are_left(
+    most: int | None, iterations: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Decrements of 10, 0.17, 0.003: the second is enough for `tolerance`, the third for `near_tolerance`."""
+    unknowns, records, state = made_problem()
+    monkeypatch.setattr(solve, "LINEAR", 1.0)
+    assert len(solve.adjust_large(unknowns, records, state, tolerance=5.0).history) == 2
+    near = {"tolerance": 5.0, "near_tolerance": 0.01, "max_iterations": most}
+    assert len(solve.adjust_large(unknowns, records, state, **near).history) == 2  # each is not a hundredth
+    monkeypatch.setattr(solve, "QUICK", 0.1)
+    assert len(solve.adjust_large(unknowns, records, state, **near).history) == iterations
+
+
 # Eliminated blocks at their own optimum, held against dense algebra over the records that touch them.
 
 

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from aatri.camera.models import forward_models
+from aatri.camera.models import folds, forward_models
 from aatri.camera.models.brown import PARAMETERS, brown_basis, brown_correction, brown_derivative
 from aatri.camera.models.distortion import Distortion, corner_points, corrected, table_correction
 from aatri.errors import InputError
@@ -143,6 +143,16 @@ def test_small_brown_and_bal_agree_to_first_order() -> None:
 def test_a_fold_inside_the_format_is_refused(model: str, parameters: dict[str, float]) -> None:
     with pytest.raises(InputError, match="folds inside the format"):
         corrected(Distortion(model, 100.0, parameters), corner_points(np.array([115.0, 115.0])))
+
+
+@pytest.mark.parametrize("chunk", [1, 3, 10_000])
+def test_the_first_point_beyond_a_fold_is_named_whatever_the_pieces(
+    chunk: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(folds, "CHUNK", chunk)
+    points = np.array([[1.0, 1.0], [2.0, 1.0], [90.0, 90.0], [3.0, 1.0], [100.0, 100.0]])
+    with pytest.raises(InputError, match=r"on the way to \(90\.000, 90\.000\)"):
+        corrected(Distortion("brown", 100.0, {"k1": -5e-5}), points)
 
 
 def test_unknown_models_and_parameters_are_named() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import aatri.adjustment.threads as threads
+import aatri.orientation.relative.degenerate as degenerate
 import aatri.orientation.relative.loops as loops
 import aatri.orientation.relative.pairs as many
 from aatri.adjustment.kernels import snooping
@@ -164,6 +165,7 @@ def test_the_result_has_the_same_bits_for_any_number_of_threads_and_portions(mon
     for count, at_once in ((1, 500_000), (3, 500_000), (2, 100), (1, 1)):
         monkeypatch.setattr(threads, "default_threads", lambda count=count: count)
         monkeypatch.setattr(loops, "AT_ONCE", at_once)
+        monkeypatch.setattr(degenerate, "PORTION", 200 if at_once > 100 else 3)
         results.append(many.relative_orientations(rays, start, snooping_limit=4.0))
     for other in results[1:]:
         for name in many.RelativeOrientations.__dataclass_fields__:
