@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aatri.adjustment.parts import adjust
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ResourceError
@@ -16,6 +17,17 @@ from tests.campaigns.convergence_basin import disturbed, outcome, well_posed, wi
 from tests.orientation.bundle.parts import Parts, adjust_bundle
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.film_blocks import Told
+
+
+@pytest.mark.slow
+def test_a_block_without_errors_is_adjusted_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    block = simulated(2, preset="uav", flight={"strips": 3, "images_per_strip": 5})
+    clean, once, adjusted = run_chain(block), adjust.adjust_large, list[int]()
+    monkeypatch.setattr(adjust, "adjust_large", lambda *a, **k: adjusted.append(1) or once(*a, **k))
+    result = bundle(block, clean.refined, clean.strip_block)
+    assert len(adjusted) == 1
+    assert result.history.decrement[-1] <= 1e-3
+
 
 # The same block with the factor in memory, in a file, and by conjugate gradients.
 

@@ -16,6 +16,7 @@ from aatri.stages.bundle_adjustment._variance_components import VarianceComponen
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.campaigns.variance_components import TRUE, disturbed, error_free
+from tests.small_blocks import adjusted_by, flown
 from tests.stages.hand_block import ground_rows, hand, read, start
 
 
@@ -100,3 +101,26 @@ def test_a_group_of_little_redundancy_keeps_its_standard_deviation(blocks: tuple
     row = c.group.tolist().index("distance")
     assert (c.verdict[row], c.factor[row]) == ("not estimable", 1.0)
     assert np.isnan(c.low[row])
+
+
+@pytest.mark.slow(after=1)
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_standard_deviations_of_five_control_points_that_are_five_times_too_large_are_estimated(
+    seed: int, tmp_path: Path
+) -> None:
+    small = flown(2, 4, seed=seed)
+    small.observed = {}
+    seen = [p for p in small.xyz_m if p[0] == "p" and sum(q == p for _, q in small.rays) > 3]
+    small.control = dict.fromkeys(["C1", "C2", "C3", "C4", seen[0]], "XYZ")
+    right = adjusted_by("graph", small.write(tmp_path / "right"))
+    assert not any("do not fit the residuals" in text for text in right.warnings)
+    folder = small.write(tmp_path / "large")
+    text = (folder / "block.yaml").read_text(encoding="utf-8")
+    assert text.count("- 0.02\n") == 3
+    (folder / "block.yaml").write_text(text.replace("- 0.02\n", "- 0.1\n"), encoding="utf-8")
+    large = adjusted_by("graph", folder)
+    assert any("do not fit the residuals" in text for text in large.warnings)
+    sigma = [np.sqrt(np.einsum("nii->ni", d.bundle.points.covariance_m2)) for d in (right, large)]
+    np.testing.assert_allclose(np.nanmedian(sigma[1] / sigma[0]), 1.0, atol=0.5)
+    off = [np.nanmax(np.abs(d.bundle.points.xyz_m - right.bundle.points.xyz_m)) for d in (right, large)]
+    assert off[1] < 0.5 * np.nanmedian(sigma[0])
