@@ -22,6 +22,11 @@ def sums_of(values: Float, of: Int, n: int) -> Float:
     return sums.reshape(n, *values.shape[1:])
 
 
+def diagonals(matrices: Float) -> Float:
+    """Diagonals of matrices (n, k, k), as the variances of covariances, (n, k)."""
+    return np.asarray(np.einsum("nii->ni", matrices))
+
+
 def ranges(first: Int, count: Int) -> Int:
     """Whole numbers from each first one on, `count` of each, one range after the other.
 

@@ -33,9 +33,11 @@ from aatri.observations.observed import Spread
 from aatri.observations.poses import POINT
 
 MAX_ITERATIONS = 30
-LINEAR, ROUNDING = 1e-5, 1e-4
-"""An iteration ends when no residual departs from the linear model by more of its standard deviation; below the second
-rounding may keep it: strips of 100 km that tie to centimetres stay at 2e-5 to 5e-5, contradictions creep to 1e-4."""
+LINEAR = 1e-5
+"""An iteration ends when no residual departs from the linear model by more of its standard deviation."""
+
+ROUNDING = 1e-4
+"""Below it rounding may keep that: strips of 100 km that tie to cm stay at 2e-5 to 5e-5, contradictions creep to it."""
 
 COARSE = 1e-2
 """The same for an adjustment that the deformation of bodies is estimated from: that is then wrong by 1e-4 of itself."""
@@ -122,8 +124,7 @@ class TiedSolution:
         problem, k = self.problem, len(self.problem.ties)
         s2, shares = self.variance_with_body / 3, [np.zeros(problem.n_ties)]
         for o, first, tests, T in zip(problem.ground, problem.edges[k:], self.tests[k:], self.whiteners[k:]):
-            R = tests.redundancy
-            own = np.einsum("nii->n", R)
+            R, own = tests.redundancy, np.einsum("nii->n", tests.redundancy)
             if is_coordinates(o):
                 own = s2[first : first + len(R)] * (T * (R @ T)).sum(axis=(1, 2))
             components = np.maximum(problem.components[first : first + len(R)].sum(axis=1), 1)
@@ -152,8 +153,7 @@ class TiedSolution:
 
     def _of_ties(self, whitened: Float, rows: Int | slice = slice(None)) -> Float:
         """Whitened values of ties in metres: along the eigenvectors of their covariances (`tie_whitener`)."""
-        scaled = whitened * np.sqrt(self._variances(rows))
-        return np.asarray(np.einsum("nij,nj->ni", self.spread.vectors[rows], scaled))
+        return np.asarray(np.einsum("nij,nj->ni", self.spread.vectors[rows], whitened * np.sqrt(self._variances(rows))))
 
     def _variances(self, rows: Int | slice = slice(None)) -> Float:
         values = self.spread.values[rows] + self.tau_m**2
@@ -209,10 +209,10 @@ def _solved(
 ) -> TiedSolution:
     """The same with the covariances that the ties have at a state, until no residual departs by more than `linear`."""
     spread = problem.spread(state)
-    same = before if before and before.tau_m == tau_m and before.spread.values is spread.values else None
-    whiteners = same.whiteners if same else problem.whiteners(spread, tau_m)
-    taking_part = problem.taking_part(use)
-    ordered = same.solved.problem if same and isinstance(same.solved, LinearSolution) else None
+    same_weights = before is not None and before.tau_m == tau_m and before.spread.values is spread.values
+    whiteners = before.whiteners if before and same_weights else problem.whiteners(spread, tau_m)
+    taking_part, solved_before = problem.taking_part(use), before.solved if before and same_weights else None
+    ordered = solved_before.problem if isinstance(solved_before, LinearSolution) else None
     step = _step(problem, use & taking_part, whiteners, ordered)  # with what was put in order for them
     full: dict[str, Any] = {**state, POINT: problem.start[POINT]}  # the points are linear: any start does
     done, last = before.iterations if before else 0, list[float]()

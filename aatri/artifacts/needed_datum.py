@@ -23,6 +23,10 @@ SIMILARITY = "ground_points.xyz_m:similarity"
 Two points have six coordinates; a similarity, which image points leave open, takes seven.
 """
 
+ON_A_LINE = 1e-6
+"""Spread of places across a line over that along it, below which they are on it: a millimetre in a kilometre, which no
+observed coordinate tells, but more than coordinates of 10,000 km are rounded by."""
+
 
 def datum_needed(*, positions: bool = True, shift: Literal["none", "group", "all"] = "none") -> tuple[Need, ...]:
     """What an adjustment whose datum is given by its observations cannot do without.
@@ -76,3 +80,17 @@ def no_similarity_open(block: Block) -> Bool:
     of_images = observed_positions(block).any() or observed_attitudes(block).any()
     between_points = block.geodetic.active.any() or len(block.relative_control) > 0
     return control & bool(control.sum() > 2 or of_images or between_points)
+
+
+def is_placed(block: Block) -> np.bool_:
+    """Whether control points and observed positions with all three coordinates fix shift, rotation and scale.
+
+    Three do that if they are not on one line, about which the block could still turn.
+    """
+    g, e = block.ground_points, block.exterior
+    xyz_m = np.concatenate([g.xyz_m[(g.role == CONTROL).all(axis=1)], e.position_m[observed_positions(block)]])
+    xyz_m = xyz_m[np.isfinite(xyz_m).all(axis=1)]
+    if len(xyz_m) < 3:
+        return np.False_
+    along, across, _ = np.linalg.svd(xyz_m - xyz_m.mean(axis=0), compute_uv=False)
+    return np.bool_(across > ON_A_LINE * along)

@@ -22,11 +22,12 @@ from aatri.artifacts.needed_datum import (
     SIMILARITY,
     WITHOUT_SHIFT,
     controls,
+    is_placed,
     no_similarity_open,
     observed_attitudes,
     observed_positions,
 )
-from aatri.codes import ANTENNA, CHECK, CONTROL, OBSERVED_VALUE
+from aatri.codes import ANTENNA, CHECK, OBSERVED_VALUE
 from aatri.ids import several
 from aatri.tables.offers import Nature, Offer
 
@@ -73,11 +74,6 @@ def _of_photo_coordinates(block: Block) -> Bool:
 
 def _arms(block: Block) -> Bool:
     return np.asarray((block.cameras.lever_arm_m != 0).any(axis=1))
-
-
-def _placed(block: Block) -> np.bool_:
-    """Whether coordinates leave none of the seven parameters of a similarity open: three places of three."""
-    return np.bool_((block.ground_points.role == CONTROL).all(axis=1).sum() + observed_positions(block).sum() > 2)
 
 
 def _distances(block: Block) -> Bool:
@@ -155,10 +151,10 @@ _DECLARED = (
     _Declared("ground_points:check", "check", "{check point} (ground_points.csv: role)", "ground_points",
               lambda b: (b.ground_points.role == CHECK).any(axis=1), "Evaluation"),
     _Declared("ground_points.datum", "grouping", "datum marks of {point} (ground_points.csv: datum)",
-              "ground_points", lambda b: b.ground_points.datum & ~_placed(b)),
+              "ground_points", lambda b: b.ground_points.datum & ~is_placed(b)),
     _Declared("ground_points.datum:placed", "grouping",
               "datum marks of {point} (ground_points.csv: datum) beside control or positions that place the block",
-              "ground_points", lambda b: b.ground_points.datum & _placed(b)),
+              "ground_points", lambda b: b.ground_points.datum & is_placed(b)),
     _Declared("ground_point_covariances", "standard deviation",
               "{covariance} between control coordinates (covariances.csv)", "ground_point_covariances",
               lambda b: b.ground_point_covariances.value != 0),

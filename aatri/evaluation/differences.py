@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, diagonals
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.solution import Solution
 from aatri.ids import rows_of
@@ -44,15 +44,15 @@ def control_differences(block: Block, solution: Solution) -> PointDifferences:
     """Solution minus given at control coordinates, the rejected ones included."""
     ground = block.ground_points
     measured = ((solution.points.rays > 0) | _of_geodetic_observations(block, solution))[ground.point]
-    variance = np.einsum("nii->ni", solution.points.covariance_m2)[ground.point]
+    variance = diagonals(solution.points.covariance_m2)[ground.point]
     return _differences(block, solution, (ground.role == CONTROL) & measured[:, None], variance)
 
 
 def check_differences(block: Block, solution: Solution) -> PointDifferences:
     """Solution minus given at check coordinates."""
     ground = block.ground_points
-    of_both = np.einsum("nii->ni", solution.points.covariance_m2[ground.point] + ground.covariance_m2)
-    return _differences(block, solution, ground.role == CHECK, of_both)
+    variance = diagonals(solution.points.covariance_m2[ground.point] + ground.covariance_m2)
+    return _differences(block, solution, ground.role == CHECK, variance)
 
 
 def truth_differences(block: Block, solution: Solution) -> PointDifferences:
@@ -62,7 +62,7 @@ def truth_differences(block: Block, solution: Solution) -> PointDifferences:
     point = block.true_points.point
     difference = solution.points.xyz_m[point] - block.true_points.xyz_m
     rows = is_new(block)[point] & np.isfinite(difference).all(axis=1)
-    sigma = np.sqrt(np.einsum("nii->ni", solution.points.covariance_m2))[point]
+    sigma = np.sqrt(diagonals(solution.points.covariance_m2))[point]
     return PointDifferences(point, difference, sigma).take(rows)
 
 

@@ -191,11 +191,19 @@ def test_positions_in_no_drift_group_say_where_a_block_lies_and_are_not_told_as_
 
 
 def test_datum_marks_are_for_an_initial_orientation_where_coordinates_do_not_place_the_block(tmp_path: Path) -> None:
-    """With three places known in full they are for a bundle over marked points alone."""
-    of = hand()
-    for known, name in (([1, 2], "ground_points.datum"), ([1, 2, 3], "ground_points.datum:placed")):
-        ground = ground_rows(of, known, tail=",control,no", head=",role,datum") + "p09,1.0,2.0,3.0,approximate,yes\n"
-        block, _ = read(tmp_path / name.replace(":", "_"), of, ground=ground)
+    """With three points known in full and not on one line they are for a bundle over marked points alone."""
+    far = (5e5, 5.4e6, 300.0)
+    for case, (relief_m, known, name) in enumerate(
+        (
+            (50.0, [1, 2], "ground_points.datum"),
+            (50.0, [1, 2, 3], "ground_points.datum:placed"),
+            (0.0, [1, 2, 3, 4], "ground_points.datum"),  # on one line, about which the block turns
+            (0.0, [1, 2, 9], "ground_points.datum:placed"),
+        )
+    ):
+        of = hand(far, relief_m)
+        ground = ground_rows(of, known, tail=",control,no", head=",role,datum") + "p19,1.0,2.0,3.0,approximate,yes\n"
+        block, _ = read(tmp_path / str(case), of, ground=ground)
         assert {n for n in _offers(block) if n.startswith("ground_points.datum")} == {name}
     registry = find_stages()
     begin = registry.card("initial_orientation/graph").used_with(None)

@@ -48,10 +48,10 @@ def usable_ties(strips: Strips) -> Bool:
     table = strips.strip_points
     if not len(strips.suspects):
         return np.ones(len(table), dtype=bool)
-    return ~listed(strips.suspects, STRIP_TIE, strips.strips.id[table.strip], strips.points.id[table.point])
+    return ~named_by_suspects(strips.suspects, STRIP_TIE, strips.strips.id[table.strip], strips.points.id[table.point])
 
 
-def listed(suspects: Suspects, kind: str, image: Text, point: Text) -> Bool:
+def named_by_suspects(suspects: Suspects, kind: str, image: Text, point: Text) -> Bool:
     """Observations of a kind, (n,), that suspects which stay out name by the ids of image (or body) and point."""
     out = suspects.take(np.flatnonzero((suspects.kind == kind) & staying_out(suspects)))
     names = set(zip(out.image.tolist(), out.point.tolist()))

@@ -68,7 +68,7 @@ def _rejected(o: Observed, before: Suspects) -> Bool:
     out = (before.kind == o.kind) & staying_out(before)
     if not out.any() or (o.row >= 0).any():
         return np.asarray(np.isin(o.row, before.row[out & (before.row >= 0)]))
-    return pieces.listed(before, o.kind, *o.names(np.arange(len(o))))
+    return pieces.named_by_suspects(before, o.kind, *o.names(np.arange(len(o))))
 
 
 def _native(result: TiedResult) -> Iterator[tuple[Observed, slice]]:

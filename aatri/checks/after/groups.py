@@ -3,9 +3,10 @@
 Seen: positions off by a constant, heights that count from another surface, a camera with another constant, distances of
 a map: errors that single tests cannot find, and that spread over good observations.
 Test: `orientation.bundle.groups`: score tests of all causes of all groups, at 0.1 % for the block. The result
-contradicts its own tests where a group that is kept moves a coordinate by more standard deviations than chance does:
-the root of chi-square of as many degrees as it has parameters, at 1 %, as all coordinates move by these, together. So
-it does where a camera asks for another calibration, and has left that of block.yaml by ten of its standard deviations.
+contradicts its own tests where a group that is kept moves a coordinate by more standard deviations than chance does.
+All coordinates move by the same k parameters g: by the inequality of Cauchy and Schwarz |dx_i| / sigma(dx_i) is at
+most the root of g' C_g^-1 g, whose limit is that of chi-square of k degrees at 1 % (docs/methods/gross_errors.md).
+So it does where a camera asks for another calibration, and has left that of block.yaml by ten standard deviations.
 """
 
 from collections.abc import Callable, Container, Iterator, Mapping
@@ -50,8 +51,7 @@ def contradicts(accepted: AcceptedGroup, moved_cameras: Container[str] = ()) -> 
     if g.kind == IMAGE_POINT and g.per == "camera" and g.unit in moved_cameras and not accepted.left_out:
         return True  # calibration or block: who knows
     of_datum = g.kind == "position" and g.per == ALL  # positions or control: who knows
-    by_chance = float(np.sqrt(chdtri(len(g.value), FALSE_ALARM)))
-    return g.harm > by_chance and (of_datum or not accepted.left_out)
+    return g.harm > float(np.sqrt(chdtri(len(g.value), FALSE_ALARM))) and (of_datum or not accepted.left_out)
 
 
 def wrong_groups(

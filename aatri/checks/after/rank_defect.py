@@ -89,7 +89,8 @@ def rank_advice(
         reasons["weight the parameters: `self_calibration.sigma_um`"] = None
     carried = [_MOUNT] * any(group == MOUNT for _, group in unknowns) + [_BORESIGHT] * (BORESIGHTS.labels[2] in labels)
     motions = _of_motions(combinations, shifted)
-    motions = [_HARDLY_SEEN if tied else _FREE] if free_datum and motions else motions
+    if free_datum and motions and not (tied and motions == [_PART]):
+        motions = [_HARDLY_SEEN if tied else _FREE]
     return "; ".join([*reasons, *carried, *(motions if motions != [_SET] or not carried else ())])
 
 

@@ -21,7 +21,7 @@ Source: docs/formulas.md 3.2, 3.3 (the notes' continuous and single-pair methods
 
 import numpy as np
 
-from aatri.arrays import Float
+from aatri.arrays import Float, diagonals
 from aatri.geometry.rotations import angle_covariance, angles_from_rotation, rotation_from_angles
 from aatri.geometry.vectors import tangents
 
@@ -51,7 +51,7 @@ def dependent_elements(left_from_right: Float, base: Float, covariance: Float) -
     slopes = base[:, 1:] / base[:, :1]
     by_t = (T[:, 1:] - slopes[:, :, None] * T[:, :1]) / base[:, :1, None]
     of_slopes = by_t @ covariance[:, 3:, 3:] @ by_t.swapaxes(1, 2)
-    variances = np.concatenate([np.einsum("nii->ni", of_angles), np.einsum("nii->ni", of_slopes)], axis=1)
+    variances = np.concatenate([diagonals(of_angles), diagonals(of_slopes)], axis=1)
     return np.concatenate([angles, slopes], axis=1), np.sqrt(variances)
 
 
@@ -77,7 +77,7 @@ def independent_elements(left_from_right: Float, base: Float, covariance: Float)
     left = angles_from_rotation(R1, "phi-omega-kappa")[:, [0, 2]]
     values = np.concatenate([left, angles_from_rotation(R2, "phi-omega-kappa")], axis=1)
     of_left = of_left @ covariance[:, 3:, 3:] @ of_left.swapaxes(1, 2)
-    return values, np.sqrt(np.concatenate([np.einsum("nii->ni", of_left), np.einsum("nii->ni", of_right)], axis=1))
+    return values, np.sqrt(np.concatenate([diagonals(of_left), diagonals(of_right)], axis=1))
 
 
 def left_rotation(base: Float) -> Float:

@@ -60,9 +60,9 @@ def unused(
         if any(node.method.kind == record.get("output", {}).get("kind") for node in takers):
             continue
         if sum(node.method.kind == record.get("output", {}).get("kind") for node in nodes) == 1:
-            of_nothing = [name for name in ignore if not any(covers(name, o.name) for o in offers)]
+            unmatched = [name for name in ignore if not any(covers(name, o.name) for o in offers)]
             remedy = "there is nothing of that name to ignore; take it out, or mend the name"
-            warnings += [(source, f"pipeline.yaml, ignore: {name}: {remedy}") for name in of_nothing]
+            warnings += [(source, f"pipeline.yaml, ignore: {name}: {remedy}") for name in unmatched]
         if record.get("offers") is not None:
             errors += _missing(takers, source, {offer.name: offer.what for offer in offers})[:1]
         for offer in offers:

@@ -200,6 +200,15 @@ def test_a_part_is_joined_by_more_points() -> None:
     assert "too few points join it" in _advice(OpenCombination("text", frozenset({"shift"})))
 
 
+def test_a_part_is_joined_by_more_points_where_control_or_positions_tie_a_free_datum_too() -> None:
+    part = OpenCombination("text", frozenset({"shift"}))
+    for combinations in ([part], [OpenCombination("text", frozenset({"scale"}), True), part]):
+        error = OpenError("open", remedy="", combinations=combinations)
+        advice = rank_advice(error, (), {}, free_datum=True, tied=True)
+        assert "too few points join it" in advice
+        assert "hardly tell it" not in advice
+
+
 def test_parameters_are_told_with_what_they_free() -> None:
     found = _advice(OpenCombination("text", unknowns=(("c", "additional"), ("Z0", "image"))), names=("c",))
     assert "nearly flat terrain" in found

@@ -121,7 +121,7 @@ def test_positions_on_another_height_beside_a_weighted_principal_distance_change
 ) -> None:
     """The c that is given would give way by 14 of its standard deviations; four control points have little to say.
 
-    By 2 m heights are 0.7 m off, 3.3 of their standard deviations: so many tell of a cause, if no single one does.
+    By 2 m heights are 0.7 m off, 3.3 of their standard deviations: by chance one parameter moves them by 2.6 at most.
     """
     small = small_block(strips=2, per_strip=4, apart_m=400.0, points=30)
     small.camera["sigmas"] = {"principal_distance": 0.02}
