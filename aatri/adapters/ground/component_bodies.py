@@ -1,19 +1,23 @@
 """Components of images as bodies, and what those on the ground tell of one that has too little of its own."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from aatri.adapters.frame.adjustment_frame import points_into
-from aatri.adapters.ground.ground_observed import NEIGHBOUR, GroundObserved
+from aatri.adapters.ground.ground_observed import NEIGHBOUR, GroundObserved, oriented_by
 from aatri.arrays import Float, Text, finite_rows
 from aatri.artifacts.block import Block
 from aatri.codes import CONTROL
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.ids import shown
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import known_at, observed_control
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.positions import Positions, observed_positions
+from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
 from aatri.orientation.bodies.free_body import FreeBody, observed_rotations
 from aatri.orientation.graph.component import ImageComponent
 
@@ -109,6 +113,25 @@ def observed_at_datum_points(ground: GroundObserved) -> tuple[Text, tuple[Observ
     ids = ground.block.points.id[point]
     approximate = known_at(point, xyz[row], sigma_m**2 * np.eye(3))
     return ids, observed_control(approximate, np.zeros(3), ids, kind=NEIGHBOUR)
+
+
+def oriented_at_datum_points(
+    ground: GroundObserved, component: ImageComponent, rays: ImagePointRows, settings: OrientationSettings, what: str
+) -> tuple[OrientedBody, Text] | str:
+    """A component by the points that a free datum rests on, and what is observed, and which points of it these are.
+
+    Else why they do not place it; an empty text where none is marked.
+    """
+    ids, near = observed_at_datum_points(ground)
+    own = ids[np.isin(ids, ground.block.points.id[finite_rows(component.xyz)])]
+    reason = "it has none of them"
+    try:
+        if len(own):
+            return oriented_by(replace(ground, beside=near), body_of(component, rays), settings, what)[0], own
+    except (ConvergenceError, GeometryError) as error:
+        reason = error.what.removeprefix(f"{what}: ")
+    text = f"datum points {shown(ids)} do not place {what}: {reason}; mark three or more that are not on one line"
+    return text if len(ids) else ""
 
 
 def principal_distance_shares(block: Block, rays: ImagePointRows) -> tuple[Float, ...]:

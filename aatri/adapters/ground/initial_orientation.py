@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.ground.component_bodies import body_of, observed_at_datum_points, observed_by_neighbours, precision
+from aatri.adapters.ground.component_bodies import body_of, observed_by_neighbours, oriented_at_datum_points, precision
 from aatri.adapters.ground.ground_fit import height_notes
 from aatri.adapters.ground.ground_observed import (
     DISTANCES,
@@ -80,7 +80,7 @@ class OnGround:
 def to_ground(
     ground: GroundObserved, components: Sequence[ImageComponent], rays: ImagePointRows, limit: float
 ) -> tuple[list[OnGround], list[Note]]:
-    """Every component by one similarity; the first one stays free where none has a datum.
+    """Every component by one similarity; where nothing observed places any, the first by datum points, or else free.
 
     Parameters
     ----------
@@ -95,11 +95,13 @@ def to_ground(
     block, settings = ground.block, OrientationSettings(limit, stiff=True)
     done, notes, failed = list[OnGround](), list[Note](), list[tuple[ImageComponent, str, AatriError]]()
     if not any(placed(ground.of(body_of(c, rays), everything, drift=False)(IDENTITY)) for c in components):
-        part, notes = _at_datum_points(ground, components[0], rays, settings, NOTHING_PLACES) or _free(
-            ground, components[0], rays, replace(settings, weakest=OPEN, free=True)
-        )
-        return [part], [*notes, *(_apart(block, c, "no datum of their own") for c in components[1:])]
-    for number, component in enumerate(components, 1):
+        by_datum = _at_datum_points(ground, components[0], rays, settings, "the block")
+        if isinstance(by_datum, str):
+            part, notes = _free(ground, components[0], rays, replace(settings, weakest=OPEN, free=True))
+            notes += [Note("warning", by_datum)] if by_datum else []
+            return [part], [*notes, *(_apart(block, c, "no datum of their own") for c in components[1:])]
+        done, notes = [by_datum], [Note("note", f"{BY_DATUM_POINTS}; without them {NOTHING_PLACES}")]
+    for number, component in enumerate(components[len(done) :], 1 + len(done)):
         what = f"component {number} ({several(int(component.images.sum()), 'image')})"
         try:
             part, of_part = _oriented(ground, component, rays, what, settings)
@@ -153,8 +155,7 @@ def _otherwise(
     settings: OrientationSettings,
     failure: AatriError,
 ) -> tuple[OnGround | None, list[Note]]:
-    """A component that observations of its own leave open: by its neighbours, hardly determined, or, where there is no
-    other, by the points that a free datum rests on; else None."""
+    """A component that its own observations leave open: by others, hardly determined, or by datum points; else None."""
     beside = _by_neighbours(ground, component, rays, [part.component for part in done], what, settings)
     if not isinstance(beside, str):
         part, left_out = beside
@@ -165,24 +166,25 @@ def _otherwise(
     try:
         part, notes = _oriented(ground, component, rays, what, replace(settings, weakest=HARDLY))
     except (ConvergenceError, GeometryError):
-        may_begin = not (done or isinstance(failure, ConvergenceError))
-        if may_begin and (by_datum := _at_datum_points(ground, component, rays, settings, failure.what)):
-            return by_datum
-        reason = f"{failure.what}; by the images and points it shares with others {beside}" if beside else failure.what
-        return None, [_apart(ground.block, component, reason)]
+        reasons = [failure.what, f"by the images and points it shares with others {beside}" if beside else ""]
+        if not isinstance(failure, ConvergenceError) and (not done or any(part.datum is not None for part in done)):
+            by_datum = _at_datum_points(ground, component, rays, settings, what)
+            if not isinstance(by_datum, str):
+                return by_datum, [Note("note", f"{BY_DATUM_POINTS}; without them {failure.what}")]
+            reasons.append(by_datum)
+        return None, [_apart(ground.block, component, "; ".join(filter(None, reasons)))]
     return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]
 
 
 def _at_datum_points(
-    ground: GroundObserved, component: ImageComponent, rays: ImagePointRows, settings: OrientationSettings, why: str
-) -> tuple[OnGround, list[Note]] | None:
-    """A component by the points that a free datum rests on, and what is observed; None where that leaves it open."""
-    ids, near = observed_at_datum_points(ground)
-    with contextlib.suppress(ConvergenceError, GeometryError):
-        if len(ids):
-            part, body = _beside(replace(ground, beside=near), component, rays, settings, "the block")
-            return replace(part, oriented=body, datum=ids), [Note("note", f"{BY_DATUM_POINTS}; without them {why}")]
-    return None
+    ground: GroundObserved, component: ImageComponent, rays: ImagePointRows, settings: OrientationSettings, what: str
+) -> OnGround | str:
+    """A component by the points that a free datum rests on, and what is observed; or why not, see there."""
+    by_datum = oriented_at_datum_points(ground, component, rays, settings, what)
+    if isinstance(by_datum, str):
+        return by_datum
+    to = by_datum[0].ground_from_body
+    return OnGround(component.moved(to), by_datum[0], to, datum=by_datum[1])
 
 
 def _by_neighbours(

@@ -90,8 +90,9 @@ def initial_solution(
         tests=stacked([Tests.empty(), *(tests_of(o.tied) for o in oriented)]) if tests else None,
         components=stacked([VarianceComponents.empty(), *(components_of(o.tied) for o in oriented)]) if tests else None,
     )
-    carriers = np.array([""]) if free else parts[0].datum
-    if carriers is None:
+    marked = [part.datum for part in parts if part.datum is not None]
+    carriers = np.unique(np.concatenate(marked)) if marked else np.array([""] * free)
+    if not len(carriers):
         return solution
     return replace(solution, datum=DatumCarriers(np.full(len(carriers), "held" if free else "point"), carriers))
 

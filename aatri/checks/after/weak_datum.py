@@ -3,7 +3,8 @@
 Seen: control nearly on a line, or close together, determines a datum in the sense of rank, and a block turned by 4 mrad
 with it; strips hang on few points; parameters free each other. Nothing in residuals or sigma0 shows that.
 Test: a twentieth of the points has a standard deviation beyond `WEAK_DATUM` times what an image point measures on the
-ground, sigma / c times the distance. The least certain direction is named, mostly a motion of the whole block.
+ground, sigma / c times the distance. The least certain direction is named, mostly a motion of the whole block. Of a
+free datum without control and positions the standard deviations say where it rests, not what is weak: no test then.
 """
 
 import numpy as np
@@ -13,7 +14,9 @@ from aatri.adjustment.openness.nearly_open import least_certain
 from aatri.adjustment.statistics.limits import WEAK_DATUM
 from aatri.checks.finding import Finding
 from aatri.checks.limits import WEAK_SHARE
+from aatri.observations.control import KIND as CONTROL
 from aatri.observations.poses import POINT
+from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.seen_distances import median_distance_m
@@ -33,7 +36,8 @@ def weak_datum(inputs: BundleInput, result: BundleResult, scale: float = 1.0) ->
     distance, adjusted = median_distance_m(inputs.rays, inputs.poses, inputs.xyz_m), result.adjusted
     if distance is None or inputs.rays is None:
         return []
-    if not adjusted.has_factor or POINT not in result.covariances:
+    tied = any(o.used.any() for o in result.observations if o.observed.kind in (CONTROL, POSITION))
+    if not adjusted.has_factor or POINT not in result.covariances or not (tied or result.free is None):
         return []
     angle = np.nanmedian(inputs.rays.sigma_mm / inputs.rays.c_mm[:, None])
     sigma = np.sqrt(np.einsum("nii->n", result.point_covariance_m2) / 3)

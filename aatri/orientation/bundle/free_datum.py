@@ -150,9 +150,12 @@ def onto_inner_constraints(
 
 
 def _run_away(adjusted: Adjusted, error: ConvergenceError) -> ConvergenceError:
-    """Why a block that something ties to the ground has run away: mostly what control hardly tells."""
-    factored = adjusted.factored or factorise_constrained(adjusted.problem, adjusted.state)
-    weakest = least_certain(adjusted.problem, factored, adjusted.state)
+    """Why a block that something ties to the ground has run away: what control hardly tells, if that is known."""
+    try:
+        factored = adjusted.factored or factorise_constrained(adjusted.problem, adjusted.state)
+        weakest = least_certain(adjusted.problem, factored, adjusted.state)
+    except GeometryError:  # what has failed may have no factor either
+        return error
     return ConvergenceError(
         f"{error.what}; hardly determined is the {weakest}",
         remedy=f"give control or positions that tell it, or make `approximate` what hardly does; or {error.remedy}",

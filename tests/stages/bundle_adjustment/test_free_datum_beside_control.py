@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
@@ -11,12 +13,17 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.errors import ConvergenceError
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.orientation.bundle import free_datum
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.small_blocks import adjusted_by, flown
+from tests.stages.film_blocks import Told
+
+if TYPE_CHECKING:
+    from aatri.adjustment.stepping.adjusted import Adjusted
 
 MARKED = ["p20", "p25", "p30", "p35", "p40", "p45"]
 
@@ -116,3 +123,34 @@ def test_a_block_that_gross_errors_drive_away_from_its_start_is_refused_by_cause
         adjusted_by("graph", small.write(tmp_path / "b"), datum="free", blunders="none")
     assert "run away from the start values of its datum" in caught.value.what
     assert "exchanged numbers" in caught.value.remedy
+
+
+def test_a_block_that_cannot_say_what_is_weak_keeps_the_error_of_its_datum(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its normal equations may have no factor either."""
+
+    def no_factor(*_: object) -> None:
+        raise GeometryError("constraints that depend on each other", remedy="leave one out")
+
+    monkeypatch.setattr(free_datum, "factorise_constrained", no_factor)
+    error = ConvergenceError("the block has run away", remedy="start from better values")
+    assert (
+        free_datum._run_away(cast("Adjusted", SimpleNamespace(factored=None, problem=None, state={})), error) is error
+    )
+
+
+@pytest.mark.slow
+def test_a_right_free_block_without_control_is_not_called_weak_where_its_datum_rests_on_one_end(tmp_path: Path) -> None:
+    """Standard deviations grow with the distance from four points of the first image: that is what was asked for."""
+    small = flown(1, 8, points=30)
+    whole = tables(options=TablesOptions(path=small.write(tmp_path / "whole")))
+    initial = graph(whole, calibrated(whole), rng=np.random.default_rng(1))
+    small.control, small.observed = {}, {}
+    block = tables(options=TablesOptions(path=small.write(tmp_path / "free")))
+    east_m = np.nan_to_num(initial.points.xyz_m[:, 0], nan=np.inf)
+    marked = _marked(whole, np.argsort(east_m)[10:14])
+    block = replace(block, ground_points=marked.take(marked.datum))
+    told, options = Told(), BundleOptions(datum="free", datum_over="marked")
+    solution = bundle(block, calibrated(block), initial, options=options, context=told)
+    sigma_m = np.sqrt(np.trace(solution.points.covariance_m2, axis1=1, axis2=2) / 3)
+    assert np.nanmax(sigma_m) > 20 * np.nanmin(sigma_m)
+    assert not [text for text in told.warnings if text.startswith("hardly determined")]

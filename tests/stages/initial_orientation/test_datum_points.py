@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +24,20 @@ FULL_POINT_AND_HEIGHTS = {14: (0, 1, 2), 0: (2,), 5: (2,), 24: (2,)}
 
 
 def with_datum_points(
-    folder: Path, marked: list[int], axes: dict[int, tuple[int, ...]], relief_m: float = 50.0
+    folder: Path,
+    marked: list[int],
+    axes: dict[int, tuple[int, ...]],
+    relief_m: float = 50.0,
+    rays: Callable[[Hand], Any] | None = None,
 ) -> tuple[Hand, Any, Block, ImagePoints]:
-    """The block with control in these axes, and datum points by approximate coordinates that are 10 m off."""
+    """The block with control in these axes, and datum points by approximate coordinates that are 10 m off.
+
+    `rays` says which image points are measured, all without it.
+    """
     of = hand(relief_m=relief_m)
+    if rays is not None:
+        measured = rays(of)
+        of = replace(of, image=of.image[measured], point=of.point[measured], xy_mm=of.xy_mm[measured])
     control = [",".join([f"p{p:02}", *(f"{v!r}" if k in known else "" for k, v in enumerate(of.xyz_m[p].tolist()))])
                for p, known in axes.items()]  # fmt: skip
     near_m = of.xyz_m[marked] + 10.0 * np.random.default_rng(5).standard_normal((len(marked), 3))
@@ -67,7 +79,6 @@ def test_the_scale_that_heights_over_flat_ground_do_not_tell_is_named(tmp_path: 
 
 @pytest.mark.slow
 def test_without_control_the_datum_points_place_the_block(tmp_path: Path) -> None:
-    """Where they do not, as two do not, the first base is 1."""
     marked = [0, 5, 24, 29]
     of, near_m, block, points = with_datum_points(tmp_path, marked, {})
     begin = graph(block, points, rng=np.random.default_rng(1))
@@ -77,6 +88,39 @@ def test_without_control_the_datum_points_place_the_block(tmp_path: Path) -> Non
     np.testing.assert_allclose(solution.points.xyz_m, expected, atol=0.3)
     assert begin.datum is not None
     assert begin.datum.id.tolist() == ["p00", "p05", "p24", "p29"]
-    _, _, block, points = with_datum_points(tmp_path, marked[:2], {})
-    base_m = np.diff(graph(block, points, rng=np.random.default_rng(1)).images.position_m[:2], axis=0)
+
+
+@pytest.mark.slow
+def test_datum_points_that_do_not_place_the_block_are_named_with_the_reason(tmp_path: Path) -> None:
+    """The first base is 1 then, as two points leave the turn about their line open."""
+    _, _, block, points = with_datum_points(tmp_path, [0, 5], {})
+    told = Told()
+    base_m = np.diff(graph(block, points, rng=np.random.default_rng(1), context=told).images.position_m[:2], axis=0)
     assert 0.2 < float(np.linalg.norm(base_m)) < 5.0
+    (text,) = (text for text in told.warnings if "datum points" in text)
+    assert text.startswith("datum points p00, p05 do not place the block: ")
+    assert "rotation about" in text
+    assert text.endswith("mark three or more that are not on one line")
+
+
+def _one_strip_each(of: Hand) -> Any:
+    """Rays of the southern points in the images of the first strip, and of the others in those of the second."""
+    return (of.xyz_m[of.point, 1] < 200.0) == (of.image < 3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("north", [[18, 23, 29], [29]])
+def test_each_of_two_components_is_placed_by_its_own_datum_points(tmp_path: Path, north: list[int]) -> None:
+    """Which the solution lists, only those that it has; where they do not place the second it stays apart."""
+    south = [0, 5, 8]
+    of, _, block, points = with_datum_points(tmp_path, south + north, {}, rays=_one_strip_each)
+    told = Told()
+    begin = graph(block, points, rng=np.random.default_rng(1), context=told)
+    placed, both = np.isfinite(begin.points.xyz_m).all(axis=1), len(north) > 1
+    assert begin.datum is not None
+    assert begin.datum.id.tolist() == [f"p{p:02}" for p in (south + north if both else south)]
+    assert np.abs((begin.points.xyz_m - of.xyz_m)[placed]).max() < 60.0
+    assert placed[north].all() == both
+    apart = [text for text in told.warnings if "stays apart" in text]
+    assert len(apart) == (not both)
+    assert all("datum points p00, p05, p08, p29 do not place component 2 (3 images): " in text for text in apart)
