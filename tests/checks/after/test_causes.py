@@ -173,9 +173,8 @@ WHOLE = {
 }
 
 
-def _advice(*combinations: OpenCombination, names: tuple[str, ...] = ()) -> str:
-    error = OpenError("open", remedy="", combinations=combinations)
-    return rank_advice(error, names, {"c": "c"})
+def _advice(*combinations: OpenCombination, names: tuple[str, ...] = (), **datum: bool) -> str:
+    return rank_advice(OpenError("open", remedy="", combinations=combinations), names, {"c": "c"}, **datum)
 
 
 @pytest.mark.parametrize("case", WHOLE)
@@ -189,24 +188,16 @@ def test_a_motion_of_the_whole_has_its_remedy_and_no_other(case: str) -> None:
 @pytest.mark.parametrize("case", WHOLE)
 def test_a_free_datum_is_not_asked_for_control(case: str) -> None:
     moves, unknowns, words = WHOLE[case]
-    error = OpenError("open", remedy="", combinations=[OpenCombination("text", frozenset(moves), True, unknowns)])
-    found = rank_advice(error, ("c",), {"c": "c"}, free_datum=True)
+    one = OpenCombination("text", frozenset(moves), True, unknowns)
+    found = _advice(one, names=("c",), free_datum=True)
     assert "look for gross errors" in found
     assert words not in found or case == "boresight"
-    assert "which hardly tell it" in rank_advice(error, ("c",), {"c": "c"}, free_datum=True, tied=True)
+    assert "which hardly tell it" in _advice(one, names=("c",), free_datum=True, tied=True)
 
 
-def test_a_part_is_joined_by_more_points() -> None:
-    assert "too few points join it" in _advice(OpenCombination("text", frozenset({"shift"})))
-
-
-def test_a_part_is_joined_by_more_points_where_control_or_positions_tie_a_free_datum_too() -> None:
-    part = OpenCombination("text", frozenset({"shift"}))
-    for combinations in ([part], [OpenCombination("text", frozenset({"scale"}), True), part]):
-        error = OpenError("open", remedy="", combinations=combinations)
-        advice = rank_advice(error, (), {}, free_datum=True, tied=True)
-        assert "too few points join it" in advice
-        assert "hardly tell it" not in advice
+@pytest.mark.parametrize("tied", [False, True])
+def test_a_part_is_joined_by_more_points_beside_a_free_datum_that_control_ties_too(tied: bool) -> None:
+    assert "points join it" in _advice(OpenCombination("text", frozenset({"shift"})), free_datum=tied, tied=tied)
 
 
 def test_parameters_are_told_with_what_they_free() -> None:
