@@ -100,7 +100,7 @@ class Ties(Generic[S]):
         )
 
     def _spread(self, state: State) -> Spread:
-        """The covariances at a state; no function that refers to itself, which would keep all arrays of the ties."""
+        """The covariances at a state. A function that names itself, in its place, would keep all arrays of the ties."""
         return Spread(*self.spectrum(state[BODY]), self._spread)
 
     def places(self, bodies: S, n: int) -> Float:

@@ -112,9 +112,10 @@ def taken(photography: Photography, local_m: Float) -> SimulatedRays:
 
     def chunks(first: int, last: int) -> None:
         for k in range(first, last):
-            near = tree.query_ball_point(photography.station_m[k * CHUNK : (k + 1) * CHUNK, :2], reach)
+            stations = slice(k * CHUNK, (k + 1) * CHUNK)
+            near = tree.query_ball_point(photography.station_m[stations, :2], reach, return_sorted=True)
             image = k * CHUNK + np.repeat(np.arange(len(near)), [len(n) for n in near])
-            point = np.concatenate([np.sort(np.asarray(n, dtype=np.int64)) for n in near])
+            point = np.concatenate([np.asarray(n, dtype=np.int64) for n in near])
             u = forward.camera_frame(points_m[point], stations_m[image], rotations[image])
             parts[k] = _imaged(photography, image, point, u)
 

@@ -108,6 +108,7 @@ def robust_scale(v: Float, redundancy: Float) -> float:
     scale = float(np.median(w)) / MEDIAN_OF_NORMAL
     for _ in range(_ITERATIONS if scale > 0 else 0):
         inside = w <= K * scale
+        # Of all image points together: no copies, as `@` makes one of a mask.
         squares, share = np.einsum("n,n,n->", v, v, inside), np.einsum("n,n->", redundancy, inside)
         better = float(np.sqrt(squares / (_CONSISTENT * share)))
         if abs(better - scale) <= 1e-3 * scale:

@@ -25,7 +25,7 @@ from aatri.arrays import Float, Int
 LIMIT = float(chdtri(1.0, 2.0 * ALARM))
 
 _SCALES = np.concatenate([[1.0], np.exp(np.linspace(np.log(0.01), np.log(50.0), 327))])
-"""The first is 1. Errors of a hundredth of the standard deviations are none: an example was made without."""
+"""The first is 1. The least is below `NO_ERRORS` of a search, which takes such a class for one without errors."""
 
 
 def small_class_scale(v: Float, R: Float, record: Int, gain_of_others: float = 0.0) -> tuple[float, float]:
@@ -56,12 +56,15 @@ def small_class_scale(v: Float, R: Float, record: Int, gain_of_others: float = 0
     return float(_SCALES[best]), float((_SCALES[best] ** 2 * size / variance[best]).sum())
 
 
-def may_be_told(v: Float, redundancy: Float, record: Int, gain_of_others: float) -> bool:
-    """Whether a scale could be told by the cofactor of all components, of which the redundancy numbers are known.
+def may_differ(v: Float, redundancy: Float, record: Int, gain_of_others: float) -> bool:
+    """Whether the scale may differ from 1, as far as redundancy numbers say: the whole cofactor costs a factorisation.
 
     Parameters
     ----------
     v, redundancy : (n,) float64
+        Whitened residuals of all components, and their redundancy numbers.
+    record, gain_of_others
+        As of `small_class_scale`.
     """
     share = max(float((v**2).sum() / redundancy.sum()), 1e-12) if redundancy.any() else 1.0
     most = redundancy.sum() * (share - 1.0 - np.log(share))  # all of it in so many directions as there is redundancy

@@ -81,8 +81,10 @@ def common_sigma(squares: Float, known_variance: Float, share: Float, *, robust:
         of_all = 0.0
         for part in (slice(first, first + CHUNK) for first in range(0, len(sums), CHUNK)):
             terms = q[:, part] / (values[:, part] + tau**2)
-            of_all += float(terms.sum())
-            np.divide(np.add.reduce(terms), middle[part], out=sums[part])
+            if robust:
+                np.divide(np.add.reduce(terms), middle[part], out=sums[part])
+            else:
+                of_all += float(terms.sum())
         if robust:
             sums.partition([half - 1, half] if len(sums) % 2 == 0 else half)
             return float((sums[half] if len(sums) % 2 else 0.5 * (sums[half - 1] + sums[half])) - 1)

@@ -17,7 +17,7 @@ from aatri.adjusting.adjusted_observations import classes_of
 from aatri.adjustment.covariance.score import score
 from aatri.adjustment.statistics.class_scales import MATTERS, ClassScales, class_scales
 from aatri.adjustment.statistics.long_tails import Tail, tail_of
-from aatri.adjustment.statistics.small_scales import may_be_told, small_class_scale
+from aatri.adjustment.statistics.small_scales import may_differ, small_class_scale
 from aatri.adjustment.statistics.variance_components import ESTIMABLE, LEAST_SHARE
 from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note
@@ -172,7 +172,7 @@ def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[floa
     record = np.repeat(np.arange(len(rows)), records.rows)[used]
     v, r = residuals_and_redundancy(observations, result.adjusted.state, rows)
     of_others = _largest_gain_beside(result, place)
-    if not may_be_told(v.ravel()[used], r.ravel()[used], record, of_others):
+    if not may_differ(v.ravel()[used], r.ravel()[used], record, of_others):
         return 1.0, 0.0  # not even one by one: another factor of the normal equations is saved
     inverse = np.linalg.pinv(full_whitener(records.whitener[rows]))
     H = np.zeros((len(rows), records.rows, used.size))
