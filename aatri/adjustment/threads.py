@@ -13,6 +13,7 @@ import numpy.typing as npt
 from threadpoolctl import ThreadpoolController
 
 from aatri.arrays import Int
+from aatri.machine import processors
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -24,7 +25,7 @@ def default_threads() -> int:
     """Processors this process may use; NUMBA_NUM_THREADS where several processes share them."""
     if (share := os.environ.get("NUMBA_NUM_THREADS", "")).isdecimal():
         return max(1, int(share))
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return processors()
 
 
 @lru_cache(maxsize=1)

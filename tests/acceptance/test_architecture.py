@@ -15,6 +15,7 @@ PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 SMALL = {
     "arrays",
     "codes",
+    "machine",
     "errors",
     "ids",
     "units",

@@ -12,7 +12,8 @@ result come on top.
 | within the limit, not beside what the process takes, and the disk has no room | factor in memory; the log says so |
 | more | conjugate gradients, preconditioned by as much of the factor as three quarters of the limit hold |
 
-The limit is `memory_gb`, or a share of the memory of the machine, or of a cluster's worker where that has less.
+The limit is `memory_gb`, or a share of the memory of the machine, its container or batch job, or of a cluster's worker where that
+has less.
 """
 
 import os
@@ -29,6 +30,7 @@ from aatri.adjustment.structure.indexed_problem import IndexedProblem, PartlyFac
 from aatri.adjustment.structure.tree import FrontNode
 from aatri.errors import ResourceError, SpecError
 from aatri.ids import several
+from aatri.machine import memory_bytes
 from aatri.progress import Reporter
 from aatri.together import MEMORY_OF_WORKER
 
@@ -103,10 +105,7 @@ def memory_limit(memory_gb: float | None) -> float:
     if memory_gb is not None:
         return 1e9 * memory_gb
     of_worker = float(os.environ.get(MEMORY_OF_WORKER, "inf"))
-    try:
-        return SHARE * min(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"), of_worker)
-    except (AttributeError, ValueError, OSError):
-        return SHARE * of_worker
+    return SHARE * min(memory_bytes(), of_worker)
 
 
 def resident_bytes() -> int:

@@ -5,7 +5,6 @@ an 8-bit encoding that accepts any byte: it would turn ids into something else w
 """
 
 import codecs
-import os
 import re
 from collections.abc import Collection
 from contextlib import suppress
@@ -13,6 +12,7 @@ from pathlib import Path
 
 from aatri.errors import InputError, ResourceError
 from aatri.ids import did_you_mean
+from aatri.machine import memory_bytes
 from aatri.progress import SILENT, Reporter
 from aatri.regular_file import is_of_the_machine, leads_nowhere, read_regular
 
@@ -68,11 +68,7 @@ def read_lines(path: Path, reporter: Reporter = SILENT) -> list[str]:
 
 def check_memory(size: int, path: Path) -> None:
     """Refuse a file of so many bytes whose rows need more memory than there is, before it is read."""
-    try:
-        there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (OSError, ValueError, AttributeError):
-        return  # a system that does not say how much memory it has
-    if (needed := MEMORY_PER_BYTE * size) > there:
+    if (needed := MEMORY_PER_BYTE * size) > memory_bytes():
         what = f"takes some {needed / 1e9:.2g} GB of memory to read, and this machine has less"
         raise ResourceError(what, where=str(path), remedy="divide the block, or thin it out")
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
+from aatri.machine import processors
 from aatri.pipeline.methods.code_digest import PACKAGE, Code
 from aatri.pipeline.methods.helper_process import HelperProcess
 from aatri.pipeline.methods.kernel_cache import (
@@ -78,7 +79,7 @@ class Compilation:
         self._count, self._under_way, self._changed = len(kernels), set(kernels), threading.Condition()
         self._needs = {name: set(code_of(name, file).files) & set(kernels) - {name} for name, file in kernels.items()}
         self._waiting = sorted(kernels, key=lambda name: -kernels[name].stat().st_size)
-        for _ in range(min(PROCESSES, os.cpu_count() or 1, len(kernels))):
+        for _ in range(min(PROCESSES, processors(), len(kernels))):
             threading.Thread(target=self._work, daemon=True).start()
 
     def wait(self, modules: Iterable[str] | None = None, timeout_s: float | None = None) -> bool:

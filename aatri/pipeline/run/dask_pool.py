@@ -8,7 +8,6 @@ same versions, which are compared before the first task.
 
 import contextlib
 import hashlib
-import os
 import re
 import uuid
 from collections.abc import Iterator
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from aatri.errors import ResourceError, SpecError
+from aatri.machine import processors
 from aatri.pipeline.methods.code_digest import BUILT_IN
 from aatri.pipeline.run.context import Tell
 from aatri.pipeline.run.dask_parts import DaskParts, memory_of
@@ -100,7 +100,7 @@ def _local_cluster(address: str) -> Any:
         raise SpecError(f"--cluster {address}: {memory or 'nothing'} is no size of memory", remedy="local:2:6GB")
     if not count.isdecimal() or not int(count):
         raise SpecError(f"--cluster {address}: {count or 'nothing'} is no number of workers", remedy="local:4")
-    threads = str(max(1, (os.cpu_count() or 1) // int(count)))
+    threads = str(max(1, processors() // int(count)))
     cluster: Any = LocalCluster  # without types
     return cluster(
         n_workers=int(count),

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from aatri.errors import ResourceError
+from aatri.machine import memory_bytes, processors
 from aatri.pipeline.run.task import Task, TaskOutcome, failed
 
 if TYPE_CHECKING:
@@ -68,12 +69,12 @@ def share_cores(jobs: int) -> None:
         )
     for name in _BLAS:
         os.environ.setdefault(name, "1")
-    os.environ.setdefault(_KERNELS, str(max(1, (os.cpu_count() or 1) // jobs)))
+    os.environ.setdefault(_KERNELS, str(max(1, processors() // jobs)))
 
 
 def processes_of_a_stage() -> int:
     """How many processes one stage may have: its share of the cores."""
-    return int(os.environ.get(_KERNELS) or os.cpu_count() or 1)
+    return int(os.environ.get(_KERNELS) or processors())
 
 
 def _take_buffers() -> None:
@@ -161,7 +162,7 @@ def _prepare_memory(task: Task, jobs: int = 1) -> None:
     """Keep arrays that are freed where memory is ample; else let the system have all that is free."""
     size = sum(int(record["output"]["size"]) for record in task.inputs.values())
     with contextlib.suppress(OSError, AttributeError, ValueError):  # glibc alone has it
-        library, is_ample = ctypes.CDLL(None), _AMPLE * jobs * size < min(_memory(), _memory_limit())
+        library, is_ample = ctypes.CDLL(None), _AMPLE * jobs * size < min(memory_bytes(), _memory_limit())
         library.mallopt(_ARENA_MAX, 1)  # arenas of threads return what they have on their own terms
         for most in _KEPT_BYTES if is_ample else (4 << 20,):
             if library.mallopt(_MMAP_THRESHOLD, most):
@@ -169,14 +170,6 @@ def _prepare_memory(task: Task, jobs: int = 1) -> None:
         library.mallopt(_TRIM_THRESHOLD, _TRIMMED_BYTES if is_ample else 128 << 10)
         if not is_ample:
             library.malloc_trim(0)
-
-
-def _memory() -> float:
-    """Bytes of the machine, or of the container."""
-    machine = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    with contextlib.suppress(OSError, ValueError):  # "max" is no number: no limit
-        return min(machine, float(int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii"))))
-    return machine
 
 
 class _Processes:
