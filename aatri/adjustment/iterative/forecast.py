@@ -12,8 +12,8 @@ result come on top.
 | within the limit, not beside what the process takes, and the disk has no room | factor in memory; the log says so |
 | more | conjugate gradients, preconditioned by as much of the factor as three quarters of the limit hold |
 
-The limit is `memory_gb`, or a share of the memory of the machine, its container or batch job, or of a cluster's worker where that
-has less.
+The limit is `memory_gb`, or a share of the memory of the machine, its container or batch job, or of a cluster's
+worker where that has less.
 """
 
 import os
