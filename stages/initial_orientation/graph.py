@@ -8,7 +8,8 @@
                                                         distances; attitudes where these leave something open
 
 Neither strips nor an order of the images nor any start value is used. Pairs are all images with at least `min_points`
-points in common; with `models` those are taken and no others. Components that share enough points are joined; what
+points in common, and of images that these do not join those with at least 6; with `models` those are taken and no
+others. Components that share enough points are joined; what
 stays apart is listed by its ids. Without control and positions the datum is free: attitudes turn it, distances scale
 it, and without these the first base is 1. What control and positions leave open the approximate coordinates of the
 points marked `datum: yes` close, all of it where there are neither.
@@ -27,7 +28,7 @@ from aatri.adapters.ground.component_bodies import principal_distance_shares
 from aatri.adapters.ground.ground_observed import USES, ground_observed
 from aatri.adapters.ground.initial_orientation import to_ground
 from aatri.adapters.ground.initial_solution import initial_solution, shown_components
-from aatri.adapters.pairs.image_pairs import overlapping_images, pairs_of, strongest_pairs
+from aatri.adapters.pairs.image_pairs import joining_pairs, overlapping_images, pairs_of, strongest_pairs
 from aatri.adapters.pairs.models import essential_models, graph_of, turns_of
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.solution import check_same_block
@@ -43,6 +44,7 @@ from aatri.errors import GeometryError
 from aatri.ids import several
 from aatri.observations.image_points import rays_of
 from aatri.observations.positions import positions_of
+from aatri.orientation.graph.component import FEWEST_POINTS
 from aatri.orientation.graph.free_images import orient_free
 from aatri.orientation.graph.pair_graph import PairGraph
 from aatri.orientation.graph.principal_distance import with_bends
@@ -55,7 +57,9 @@ from aatri.plugin import SILENT, Context, Field, Options, stage
 class GraphOptions(Options):
     """Options of the initial orientation."""
 
-    min_points: int = Field(8, ge=6, description="images with fewer points in common are no pair")
+    min_points: int = Field(
+        8, ge=6, description="images with fewer points in common are a pair only where no others join them"
+    )
     pairs_per_image: int | None = Field(
         None, ge=3, description="of each image only the pairs of most common points; null: all"
     )
@@ -91,8 +95,8 @@ def graph(
     image_points, of_lens = without_distortion(block, image_points)
     if models is None:
         models = _models(block, image_points, options, context)
-    pairs, _ = graph_of(models, options.min_points)
-    _refuse_without_pairs(block, image_points, pairs, options.min_points)
+    pairs = graph_of(models, options.min_points, FEWEST_POINTS)
+    _refuse_without_pairs(block, image_points, pairs)
     inside = in_tangent_frame(block)
     rays = rays_of(inside.block, image_points)
     observed = _observed_positions(inside.block) if options.use_positions else np.full((len(block.images), 3), np.nan)
@@ -135,7 +139,7 @@ def graph(
     return inside.back(solution)
 
 
-def _refuse_without_pairs(block: Block, image_points: ImagePoints, pairs: PairGraph, min_points: int) -> None:
+def _refuse_without_pairs(block: Block, image_points: ImagePoints, pairs: PairGraph) -> None:
     measured = np.unique(block.image_points.image[block.image_points.active])
     if len(measured) == 1:
         raise GeometryError(
@@ -147,9 +151,9 @@ def _refuse_without_pairs(block: Block, image_points: ImagePoints, pairs: PairGr
     if not len(pairs.left):
         most = int(overlapping_images(block, image_points, 1)[1].max(initial=0))
         raise GeometryError(
-            f"no two images have {min_points} points in common that fit, seen along a base",
+            f"no two images have {FEWEST_POINTS} points in common that fit, seen along a base",
             remedy="measure more points that several images have in common "
-            f"(two images share {most} at most, `min_points` goes down to 6); "
+            f"(two images share {most} at most); "
             "check the ids of images and points; images all taken at one place make no model",
         )
 
@@ -163,7 +167,9 @@ def _observed_positions(block: Block) -> Float:
 
 def _models(block: Block, image_points: ImagePoints, options: GraphOptions, context: Context) -> Models:
     """Relative orientations of all pairs."""
-    images, common = overlapping_images(block, image_points, options.min_points)
+    images, common = overlapping_images(block, image_points, FEWEST_POINTS)
+    joining = joining_pairs(images, common, len(block.images), options.min_points, FEWEST_POINTS)
+    images, common = images[joining], common[joining]
     if options.pairs_per_image is not None:
         kept = strongest_pairs(images, common, len(block.images), options.pairs_per_image)
         context.log(f"{int(kept.sum())} of {len(images)} pairs are oriented: those of most common points of each image")
@@ -175,7 +181,7 @@ def _models(block: Block, image_points: ImagePoints, options: GraphOptions, cont
             pairs.rays,
             pairs.start,
             snooping_limit=options.snooping_limit,
-            min_points=options.min_points,
+            min_points=FEWEST_POINTS,
             expected=expected,
             reporter=context,
         )

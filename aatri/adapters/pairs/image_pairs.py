@@ -3,7 +3,8 @@
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import csr_array, triu
+from scipy.sparse import coo_array, csr_array, triu
+from scipy.sparse.csgraph import connected_components
 
 from aatri.arrays import Bool, Int, Text
 from aatri.artifacts.block import Block
@@ -89,6 +90,20 @@ def strongest_pairs(images: Int, common: Int, n_images: int, most: int) -> Bool:
     kept = np.zeros(m, dtype=bool)
     kept[order[rank < most] % max(m, 1)] = True
     return kept
+
+
+def joining_pairs(images: Int, common: Int, n_images: int, enough: int, least: int) -> Bool:
+    """Pairs of `enough` points, and those of at least `least` between images that the former do not join, (m,).
+
+    Parameters
+    ----------
+    images : (m, 2) int
+    common : (m,) int
+    """
+    strong = common >= enough
+    left, right = images[strong].T
+    part = connected_components(coo_array((np.ones(len(left)), (left, right)), shape=(n_images, n_images)), False)[1]
+    return np.asarray(strong | ((common >= least) & (part[images[:, 0]] != part[images[:, 1]])))
 
 
 def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> ImagePairs:

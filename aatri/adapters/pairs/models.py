@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters.film_errors import film_errors
-from aatri.adapters.pairs.image_pairs import pair_names
+from aatri.adapters.pairs.image_pairs import joining_pairs, pair_names
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.uncontrolled_before import in_no_model, seen_by_one
 from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit
@@ -25,9 +25,6 @@ from aatri.orientation.relative.orientations import EssentialOrientations, Relat
 
 SCALE = "scale"
 """Name of the element that tells the scale of a model in units of the model before."""
-
-FEWEST = 8
-"""Points of a pair of the graph that must fit."""
 
 
 def models_of(block: Block, image_points: ImagePoints, pairs: ImagePairs, orientations: RelativeOrientations) -> Models:
@@ -197,13 +194,13 @@ def turns_of(models: Models) -> RotationPairs:
     )
 
 
-def graph_of(models: Models, fewest: int = FEWEST) -> tuple[PairGraph, Int]:
-    """The graph of models with enough points that fit, and their rows in the orientations."""
+def graph_of(models: Models, enough: int, least: int) -> PairGraph:
+    """The graph of models with enough points that fit, and of those with fewer that join what these do not."""
     o, p = models.orientations, models.model_points
     order = np.lexsort((p.point, p.model))
     order = order[p.active[order]]
     count = np.bincount(p.model[order], minlength=len(o))
-    kept = np.flatnonzero(count >= fewest)
+    kept = np.flatnonzero(joining_pairs(np.column_stack([o.left, o.right]), count, len(models.images), enough, least))
     rows = order[np.isin(p.model[order], kept)]
     base = o.base[p.model[rows]]
     left, right = p.xyz[rows], p.xyz[rows] - base
@@ -229,7 +226,7 @@ def graph_of(models: Models, fewest: int = FEWEST) -> tuple[PairGraph, Int]:
         depth,
         np.arctan2(across, np.einsum("ni,ni->n", left, right)),
         second[kept],
-    ), kept
+    )
 
 
 def refuse_misfits(orientations: RelativeOrientations, max_sigma0: float) -> None:
