@@ -1,5 +1,7 @@
 """A free component of strips as a body, and its orientation on the ground."""
 
+import contextlib
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -8,9 +10,10 @@ import numpy as np
 
 from aatri.adapters.ground.control_by_rays import ControlByRays, control_by_rays
 from aatri.adapters.ground.ground_observed import GroundObserved, oriented_by
+from aatri.adapters.ground.neighbouring_bodies import beside_neighbours, determined_together
 from aatri.adapters.ground.one_left_out import oriented_by_the_others
 from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adapters.strips.tied_tables import not_rejected
+from aatri.adapters.strips.tied_tables import names_of, not_rejected
 from aatri.adjusting.tied_adjustment import TiedResult
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
@@ -19,15 +22,20 @@ from aatri.artifacts.strips import Strips
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import transform
 from aatri.notes import Note
+from aatri.observations.control import KIND as CONTROL
 from aatri.observations.control import control_of
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.image_points import rays_of
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
+from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
 from aatri.orientation.bodies.components import TIE_LIMIT, Component, FreeBlock
-from aatri.orientation.bodies.deformation import expected_ratio
+from aatri.orientation.bodies.deformation import expected_ratio, search_notes
 from aatri.orientation.bodies.free_body import LEVEL_RAD, FreeBody, levelled
+
+EXTRAPOLATION_WARNED = 3.0
+"""Times that errors of control are magnified, beyond which this is a warning."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +66,11 @@ class OrientedPart:
     what: str
     by_rays: ControlByRays
     result: OrientedBody
+
+    @property
+    def on_ground(self) -> FreeBody:
+        """It as a body on the ground."""
+        return self.by_rays.body.moved(self.result.ground_from_body)
 
     @property
     def component(self) -> Component:
@@ -100,16 +113,63 @@ def oriented_part(
         use[np.repeat(is_last, [len(o) for o in observed])] = False
         return use
 
-    ground, strips = block_strips.ground, block_strips.strips
-    body, lacking = _body(ground.block, strips, component), block_strips.control_beside(component)
-    by_rays = ControlByRays(component, body, lacking, lacking, np.zeros(0))
-    if len(lacking):
-        by_rays = control_by_rays(component, body, lacking, block_strips.rays, TIE_LIMIT)
+    ground, strips, by_rays = block_strips.ground, block_strips.strips, _with_control(block_strips, component)
     try:
         result, notes = oriented_by(ground, by_rays.body, settings, what, begin=begin)
     except (ConvergenceError, GeometryError) as failure:
         result, notes = oriented_by_the_others(ground, by_rays.body, settings, what, failure, begin)
     return OrientedPart(what, by_rays, result), notes
+
+
+def _with_control(block_strips: StripsOfBlock, component: Component) -> ControlByRays:
+    """A component as a body, with the control that no strip of it holds."""
+    body = _body(block_strips.ground.block, block_strips.strips, component)
+    lacking = block_strips.control_beside(component)
+    if len(lacking):
+        return control_by_rays(component, body, lacking, block_strips.rays, TIE_LIMIT)
+    return ControlByRays(component, body, lacking, lacking, np.zeros(0))
+
+
+def parts_together(
+    block_strips: StripsOfBlock,
+    parts: Sequence[OrientedPart],
+    components: Sequence[Component],
+    names: Sequence[str],
+    settings: OrientationSettings,
+) -> dict[int, OrientedPart]:
+    """Components that what they share and control determine together, by number, beside parts that are oriented."""
+    placed = [part.on_ground for part in parts]
+    bodies = [_with_control(block_strips, component).body for component in components]
+    to = determined_together(block_strips.ground, placed, bodies)
+    begun, done = {k: bodies[k].moved(similarity) for k, similarity in to.items()}, dict[int, OrientedPart]()
+    for k in to:
+        others = [*placed, *(body for other, body in begun.items() if other != k)]
+        beside = replace(block_strips, ground=beside_neighbours(block_strips.ground, others, bodies[k]))
+        with contextlib.suppress(ConvergenceError, GeometryError):
+            done[k] = oriented_part(beside, components[k], names[k], settings)[0]
+    return done
+
+
+def part_notes(part: OrientedPart) -> list[Note]:
+    """What there is to say of a component on the ground."""
+    factor, tied = part.result.analysis.extrapolation, part.result.tied
+    kinds = Counter(o.kind for o in tied.problem.ground for _ in range(len(o)))
+    counts = [f"{kinds.pop(kind, 0)} {name}" for kind, name in ((CONTROL, "control points"), (POSITION, "positions"))]
+    counts += [f"{n} of kind {kind}" for kind, n in kinds.items()]
+    notes = [
+        Note(
+            "note",
+            f"{part.what}: {', '.join(counts)}, errors of control "
+            f"magnified up to {factor:.2g} times; it fits the ground to {tied.tau_m:.3f} m beyond the "
+            "standard deviations of its points",
+        )
+    ]
+    if factor > EXTRAPOLATION_WARNED:
+        text = f"{part.what}: control is in one part of it; its errors are magnified up to {factor:.1f} times"
+        notes.append(Note("warning", text))
+    for what, adjusted in part.adjusted():
+        notes += search_notes(adjusted, names_of, what)
+    return notes
 
 
 def levelled_part(

@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.ground.absolute_datum import OrientedPart, StripsOfBlock, levelled_part, oriented_part, pooled
+from aatri.adapters.ground.absolute_datum import (
+    OrientedPart,
+    StripsOfBlock,
+    levelled_part,
+    oriented_part,
+    part_notes,
+    parts_together,
+    pooled,
+)
 from aatri.adapters.ground.ground_fit import distant_start, fit_notes, height_notes, misfitting_strips
 from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adapters.strips.tied_tables import names_of
 from aatri.adjustment.threads import one_blas_thread
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
-from aatri.observations.control import KIND as CONTROL
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.absolute import OrientationSettings, Start
-from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
-from aatri.orientation.bodies.deformation import search_notes
+from aatri.orientation.bodies.components import Component, FreeBlock, join_strips, strip_names
 from aatri.orientation.bodies.wrong_control import ONE_ROW, one_row_off
-
-EXTRAPOLATION_WARNED = 3.0
 
 MISFIT_SHARE = 4
 """One strip of so many may fit neither control nor the others, and one of fewer; more have another cause."""
@@ -32,6 +34,10 @@ NAMED = 3
 
 CANDIDATES = 3
 """So many strips are tried, as a bent strip bends those it is joined to."""
+
+
+Failed = tuple[Component, str, GeometryError | ConvergenceError]
+"""A component, what messages call it, and why it is not oriented."""
 
 
 @dataclass(frozen=True)
@@ -200,13 +206,13 @@ def _oriented(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips:
         raise GeometryError("there are no strips to orient", remedy="see the gaps of the strip formation")
     if failed and (joining.every_component or not parts):
         raise _all_of(failed, free)
-    notes += [Note("warning", f"not oriented: {error.what}") for error in failed]
+    notes += [Note("warning", f"not oriented: {error.what}") for _, _, error in failed]
     return OrientedStrips(block_strips, tuple(parts), tuple(notes))
 
 
 def _joined_and_oriented(
     block_strips: StripsOfBlock, joining: Joining, *, weakly: bool
-) -> tuple[FreeBlock, list[OrientedPart], list[GeometryError | ConvergenceError], list[Note]]:
+) -> tuple[FreeBlock, list[OrientedPart], list[Failed], list[Note]]:
     """Strips joined to components, each of them oriented; the errors of those that are not determined or converge.
 
     Strips whose common points lie nearly on a line are joined only `weakly`: rigidly joined, they would be turned
@@ -224,7 +230,7 @@ def _joined_and_oriented(
         weakly=weakly,
         apart=joining.apart + joining.left_out,
     )
-    parts, failed = list[OrientedPart](), list[GeometryError | ConvergenceError]()
+    parts, failed = list[OrientedPart](), list[Failed]()
     notes = list[Note]()
     for number, component in enumerate(free.components, 1):
         if np.isin(component.strips, joining.left_out).all():
@@ -236,52 +242,40 @@ def _joined_and_oriented(
             may_begin = joining.level and isinstance(error, GeometryError)
             level = levelled_part(block_strips, free, component, what, settings) if may_begin else None
             if level is None:
-                failed.append(error)
+                failed.append((component, what, error))
                 continue
             text = f"{error.what}; begun level for the bundle: what stands before it is not determined"
             part, more = level, [Note("warning", text)]
         parts.append(part)
-        notes += [*more, *height_notes(block_strips.ground.block, part.result, what), *_part_notes(part)]
+        notes += more
+    others = failed if weakly or not any(free.weak) else []
+    together = parts_together(block_strips, parts, [c for c, _, _ in others], [w for _, w, _ in others], settings)
+    parts += together.values()
+    text = "oriented together with others, by what they share and what is observed of each; without them"
+    notes += [Note("note", f"{failed[k][1]}: {text} {failed[k][2].what}") for k in together]
+    left = [one for k, one in enumerate(failed) if k not in together]
+    for part in parts:
+        notes += [*height_notes(block_strips.ground.block, part.result, part.what), *part_notes(part)]
     # Strips tied weakly that stand on control of their own are meant to; without it they are lost.
     joined = [
-        Note("note" if weak and not failed else "warning", f"not joined: {text}")
+        Note("note" if weak and not left else "warning", f"not joined: {text}")
         for text, weak in zip(free.unjoined, free.weak)
     ]
-    return free, parts, failed, [*joined, *notes]
+    return free, parts, left, [*joined, *notes]
 
 
-def _part_notes(part: OrientedPart) -> list[Note]:
-    factor, tied = part.result.analysis.extrapolation, part.result.tied
-    kinds = Counter(o.kind for o in tied.problem.ground for _ in range(len(o)))
-    counts = [f"{kinds.pop(kind, 0)} {name}" for kind, name in ((CONTROL, "control points"), (POSITION, "positions"))]
-    counts += [f"{n} of kind {kind}" for kind, n in kinds.items()]
-    notes = [
-        Note(
-            "note",
-            f"{part.what}: {', '.join(counts)}, errors of control "
-            f"magnified up to {factor:.2g} times; it fits the ground to {tied.tau_m:.3f} m beyond the "
-            "standard deviations of its points",
-        )
-    ]
-    if factor > EXTRAPOLATION_WARNED:
-        text = f"{part.what}: control is in one part of it; its errors are magnified up to {factor:.1f} times"
-        notes.append(Note("warning", text))
-    for what, adjusted in part.adjusted():
-        notes += search_notes(adjusted, names_of, what)
-    return notes
-
-
-def _all_of(failed: Sequence[GeometryError | ConvergenceError], free: FreeBlock) -> GeometryError | ConvergenceError:
-    open_components = [error.what for error in failed]
+def _all_of(failed: Sequence[Failed], free: FreeBlock) -> GeometryError | ConvergenceError:
+    errors = [error for _, _, error in failed]
+    open_components = [error.what for error in errors]
     unjoined = [f"not joined: {text}" for text in free.unjoined]
     texts = [*open_components[:NAMED], *unjoined[:NAMED]]
     left = len(open_components) + len(unjoined) - len(texts)
     texts += [f"and {left} more"] if left else []
-    remedies = [failed[0].remedy]
+    remedies = [errors[0].remedy]
     if len(free.components) > 1:
         remedies.append("or measure at least 3 points common to the strips, not on a line")
         remedies.append("or orient image by image, by initial_orientation/graph in place of the stages from models on")
     if len(failed) < len(free.components):
         remedies.append("or set `components: largest` to orient the rest")
-    kind = ConvergenceError if all(isinstance(error, ConvergenceError) for error in failed) else GeometryError
+    kind = ConvergenceError if all(isinstance(error, ConvergenceError) for error in errors) else GeometryError
     return kind("; ".join(texts), remedy="; ".join(remedies))

@@ -1,6 +1,5 @@
-"""Components of images as bodies, and what those on the ground tell of one that has too little of its own."""
+"""Components of images as bodies, and the points of a free datum that place them."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,13 +11,11 @@ from aatri.artifacts.block import Block
 from aatri.codes import CONTROL
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.ids import shown
-from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import known_at, observed_control
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
-from aatri.observations.positions import Positions, observed_positions
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
-from aatri.orientation.bodies.free_body import FreeBody, observed_rotations
+from aatri.orientation.bodies.free_body import FreeBody
 from aatri.orientation.graph.component import ImageComponent
 
 PRECISION = 3.0
@@ -68,36 +65,6 @@ def angle_precision(component: ImageComponent, rays: ImagePointRows) -> float:
     rows = np.flatnonzero(component.kept)
     angle = float(np.median(rays.sigma_mm[rows].mean(axis=1) / rays.c_mm[rows]))
     return PRECISION * component.ray_spread * angle
-
-
-def observed_by_neighbours(
-    block: Block, neighbours: Sequence[ImageComponent], component: ImageComponent, rays: ImagePointRows
-) -> tuple[Observed, ...]:
-    """The images and points that a component shares with others, as these have them; each by the first of them.
-
-    Parameters
-    ----------
-    neighbours : sequence of ImageComponent
-        On the ground, reduced to the origin.
-    component : ImageComponent
-        In a frame of its own.
-    """
-    images, points, observed = component.images, finite_rows(component.xyz), list[Observed]()
-    for other in neighbours:
-        image, point = np.flatnonzero(images & other.images), np.flatnonzero(points & finite_rows(other.xyz))
-        images, points = images & ~other.images, points & ~finite_rows(other.xyz)
-        C, ids = precision(other, rays) ** 2 * np.eye(3), block.images.id[image]
-        observed += observed_control(
-            known_at(point, other.xyz[point], C), np.zeros(3), block.points.id[point], kind=NEIGHBOUR
-        )
-        if len(image):
-            arm, variances = np.zeros((len(image), 3)), np.tile(C, (len(image), 1, 1))
-            none = np.full(len(image), -1, dtype=np.int32)
-            centres = Positions(none, image.astype(np.int32), other.poses.position_m[image], variances, arm)
-            observed += observed_positions(centres, np.zeros(3), ids)
-            turned = other.poses.ground_from_image[image]
-            observed.append(observed_rotations(ATTITUDE, image, turned, angle_precision(other, rays), ids))
-    return tuple(observed)
 
 
 def observed_at_datum_points(ground: GroundObserved) -> tuple[Text, tuple[Observed, ...]]:

@@ -2,11 +2,11 @@
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.ground.component_bodies import body_of, observed_by_neighbours, oriented_at_datum_points, precision
+from aatri.adapters.ground.component_bodies import body_of, oriented_at_datum_points, precision
 from aatri.adapters.ground.ground_fit import height_notes
 from aatri.adapters.ground.ground_observed import (
     DISTANCES,
@@ -27,14 +27,14 @@ from aatri.adapters.ground.initial_tests import (
     with_uncertain_distances,
     without_one,
 )
+from aatri.adapters.ground.neighbouring_components import OnGround, by_neighbours, together
 from aatri.adapters.ground.one_left_out import oriented_by_the_others
-from aatri.arrays import Text, finite_rows
 from aatri.artifacts.block import Block
 from aatri.codes import CONTROL as CONTROL_CODE
 from aatri.codes import OBSERVED_VALUE
 from aatri.errors import AatriError, ConvergenceError, GeometryError
-from aatri.geometry.similarity import IDENTITY, Similarity, compose
-from aatri.ids import several, shown
+from aatri.geometry.similarity import IDENTITY, compose
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.image_point_rows import ImagePointRows
@@ -51,30 +51,8 @@ IMAGES_ALONE = (
 )
 NOTHING_PLACES = "no control and no observed positions: the datum is free"
 BY_DATUM_POINTS = "the datum points place it, to begin a bundle with `datum: free` and `datum_over: marked`"
-FEWEST_OTHERS, MOST_SHARED = 4, 30
-"""Points shared with neighbours that must fit each other for another to be the wrong one (three fit alone by two
-conditions); of more points than the second one wrong does not spoil the start."""
-
 OPEN = 1e-8
 """The same below which a motion is held where the datum is free."""
-
-
-@dataclass(frozen=True)
-class OnGround:
-    """A component on the ground."""
-
-    component: ImageComponent
-    """In the ground's frame, reduced to the origin."""
-    oriented: OrientedBody | None
-    """None where its neighbours brought it there, or nothing is observed of it."""
-    similarity: Similarity
-    """Ground from component."""
-    free: bool = False
-    """Nothing tells where it lies."""
-    datum: Text | None = None
-    """Points by whose approximate coordinates it lies there."""
-    left: tuple[Observed, ...] = ()
-    """What is left out, as it contradicts all else."""
 
 
 def to_ground(
@@ -112,21 +90,15 @@ def to_ground(
             continue
         done.append(part)
         notes += of_part
-    for component, what, failure in failed:
-        beside, of_part = _otherwise(ground, component, rays, done, what, settings, failure)
+    left, of_shared = _by_what_they_share(ground, failed, rays, done, settings)
+    notes += of_shared
+    for component, what, failure, by_shared in left:
+        part_or_none, of_part = _otherwise(ground, component, rays, done, what, settings, failure, by_shared)
         notes += of_part
-        done += [] if beside is None else [beside]
+        done += [] if part_or_none is None else [part_or_none]
     if not done:
         raise _nowhere(ground, failed[0][1], failed[0][2], len(components))
     return done, notes
-
-
-def _beside(
-    ground: GroundObserved, component: ImageComponent, rays: ImagePointRows, settings: OrientationSettings, what: str
-) -> tuple[OnGround, OrientedBody]:
-    """A component by what is observed of it, and by what is known beside that."""
-    body, _ = oriented_by(ground, body_of(component, rays), settings, what)
-    return OnGround(component.moved(body.ground_from_body), None, body.ground_from_body), body
 
 
 def _nowhere(ground: GroundObserved, what: str, reason: AatriError, components: int) -> AatriError:
@@ -154,19 +126,13 @@ def _otherwise(
     what: str,
     settings: OrientationSettings,
     failure: AatriError,
+    by_shared: str,
 ) -> tuple[OnGround | None, list[Note]]:
-    """A component that its own observations leave open: by others, hardly determined, or by datum points; else None."""
-    beside = _by_neighbours(ground, component, rays, [part.component for part in done], what, settings)
-    if not isinstance(beside, str):
-        part, left_out = beside
-        if left_out:
-            return part, [Note("warning", f"{what}: {left_out}")]
-        text = f"{what}: oriented by the images and points it shares with others; without them {failure.what}"
-        return part, [Note("note", text)]
+    """A component that its own observations and others leave open: hardly determined, or by datum points; else None."""
     try:
         part, notes = _oriented(ground, component, rays, what, replace(settings, weakest=HARDLY))
     except (ConvergenceError, GeometryError):
-        reasons = [failure.what, f"by the images and points it shares with others {beside}" if beside else ""]
+        reasons = [failure.what, f"by the images and points it shares with others {by_shared}" if by_shared else ""]
         if not isinstance(failure, ConvergenceError) and (not done or any(part.datum is not None for part in done)):
             by_datum = _at_datum_points(ground, component, rays, settings, what)
             if not isinstance(by_datum, str):
@@ -174,6 +140,34 @@ def _otherwise(
             reasons.append(by_datum)
         return None, [_apart(ground.block, component, "; ".join(filter(None, reasons)))]
     return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]
+
+
+def _by_what_they_share(
+    ground: GroundObserved,
+    failed: Sequence[tuple[ImageComponent, str, AatriError]],
+    rays: ImagePointRows,
+    done: list[OnGround],
+    settings: OrientationSettings,
+) -> tuple[list[tuple[ImageComponent, str, AatriError, str]], list[Note]]:
+    """Components by others on the ground, and together; `done` grows. Those that are left, with the reason."""
+    left, notes = list[tuple[ImageComponent, str, AatriError, str]](), list[Note]()
+    for component, what, failure in failed:
+        beside = by_neighbours(ground, component, rays, [part.component for part in done], what, settings)
+        if isinstance(beside, str):
+            left.append((component, what, failure, beside))
+            continue
+        part, left_out = beside
+        text = f"oriented by the images and points it shares with others; without them {failure.what}"
+        notes.append(Note("warning", f"{what}: {left_out}") if left_out else Note("note", f"{what}: {text}"))
+        done.append(part)
+    if len(left) < 2:
+        return left, notes
+    names, others = [what for _, what, _, _ in left], [part.component for part in done]
+    joint = together(ground, [c for c, _, _, _ in left], names, rays, others, settings)
+    text = "oriented together with others, by the points they share and what is observed of each; without them"
+    notes += [Note("note", f"{names[k]}: {text} {left[k][2].what}") for k in joint]
+    done += joint.values()
+    return [one for k, one in enumerate(left) if k not in joint], notes
 
 
 def _at_datum_points(
@@ -185,44 +179,6 @@ def _at_datum_points(
         return by_datum
     to = by_datum[0].ground_from_body
     return OnGround(component.moved(to), by_datum[0], to, datum=by_datum[1])
-
-
-def _by_neighbours(
-    ground: GroundObserved,
-    component: ImageComponent,
-    rays: ImagePointRows,
-    neighbours: Sequence[ImageComponent],
-    what: str,
-    settings: OrientationSettings,
-) -> tuple[OnGround, str] | str:
-    """A component by what it shares with others, without a point that contradicts all else, and which; or why not."""
-
-    def oriented(own: ImageComponent) -> tuple[OnGround, OrientedBody] | None:
-        beside = observed_by_neighbours(ground.block, neighbours, own, rays)
-        return _beside(replace(ground, beside=beside), own, rays, settings, what) if beside else None
-
-    try:
-        part = oriented(component)
-        return "" if part is None else (part[0], "")
-    except GeometryError as error:
-        return error.what.removeprefix(f"{what}: ")
-    except ConvergenceError as error:
-        reason = error.what
-    shared = np.flatnonzero(np.any([finite_rows(c.xyz) for c in neighbours], axis=0) & finite_rows(component.xyz))
-    fits = list[tuple[float, int, OnGround]]()
-    for point in shared.tolist() if FEWEST_OTHERS < len(shared) <= MOST_SHARED else []:
-        try:
-            part = oriented(component.without_point(point, rays))
-        except (ConvergenceError, GeometryError):
-            continue
-        if part is not None and part[1].tied.tau_m == 0:
-            fits.append((part[1].tied.sigma0, point, part[0]))
-    names = ground.block.points.id
-    if not fits:
-        return f"{reason}: points it shares contradict each other: {shown(names[shared])}"
-    _, point, best = min(fits, key=lambda fit: fit[:2])
-    text = f"oriented by the {len(shared) - 1} points it shares with others that fit each other, without {names[point]}"
-    return best, f"{text}: two objects may carry the number"
 
 
 def _apart(block: Block, component: ImageComponent, reason: str) -> Note:

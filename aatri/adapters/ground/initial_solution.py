@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.ground.initial_orientation import OnGround
 from aatri.adapters.ground.initial_tests import STAGE, left_out_table, residuals_at
+from aatri.adapters.ground.neighbouring_components import OnGround
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import components_of, residuals_of, suspects_of, tests_of, uncontrolled_kinds

@@ -124,6 +124,13 @@ def fitted(observe: Observe, body: FreeBody, use: Bool, start: Similarity, itera
         return float("inf")
 
 
+def all_headings(body: FreeBody) -> list[Similarity]:
+    """The levelled body, turned through all headings."""
+    spread = 5 * np.arange(HEADINGS) % HEADINGS  # 150 degrees from one to the next: neighbours come late
+    turns = [exp_rotation(np.array([0.0, 0.0, turn])) for turn in spread * 2 * np.pi / HEADINGS]
+    return [Similarity(np.zeros(3), 1.0, turn @ levelling(body.up)) for turn in turns]
+
+
 def searched_start(
     observe: Observe, body: FreeBody, use: Bool, offered: Similarity | None = None
 ) -> tuple[Similarity, float]:
@@ -144,9 +151,7 @@ def searched_start(
     """
     failure: GeometryError | ConvergenceError | None = None
     ends = list[tuple[bool, float, Similarity]]()
-    spread = 5 * np.arange(HEADINGS) % HEADINGS  # 150 degrees from one to the next: neighbours come late
-    turns = [exp_rotation(np.array([0.0, 0.0, turn])) for turn in spread * 2 * np.pi / HEADINGS]
-    starts = [Similarity(np.zeros(3), 1.0, turn @ levelling(body.up)) for turn in turns]
+    starts = all_headings(body)
     for start in starts if offered is None else [offered, *starts]:
         try:
             to_ground, cost = _adjusted(observe, body, use, start)
@@ -168,16 +173,16 @@ def _adjusted(
     observe: Observe, body: FreeBody, use: Bool, start: Similarity, iterations: int = ITERATIONS
 ) -> tuple[Similarity, float]:
     first = scaled(observe(start), use, body, start)
-    observed = _used(observe(first), use)
+    observed = weighed(observe(first), use)
     own = {name: value for o in observed for name, value in o.start.items()}
-    unknowns = [Unknowns(BODY, np.ones((1, 7), dtype=bool), LABELS, ("as a whole",), _retracted)]
+    unknowns = [Unknowns(BODY, np.ones((1, 7), dtype=bool), LABELS, ("as a whole",), retracted)]
     unknowns += [replace(u, generator=None) for o in observed for u in o.unknowns]
-    records = [_of_body(o.records, body) for o in observed]
+    records = [of_body(o.records, body) for o in observed]
     done = adjust_large(unknowns, records, {**own, BODY: first}, max_iterations=iterations, tolerance=TOLERANCE)
     return done.state[BODY], done.cost
 
 
-def _used(observed: Sequence[Observed], use: Bool) -> list[Observed]:
+def weighed(observed: Sequence[Observed], use: Bool) -> list[Observed]:
     """Those that count, exact ones nearly so."""
     edges = np.cumsum([len(o) for o in observed])[:-1]
     used = [o.take(np.flatnonzero(part)) for o, part in zip(observed, np.split(use, edges))]
@@ -193,7 +198,7 @@ def scaled(observed: Sequence[Observed], use: Bool, body: FreeBody, start: Simil
 
     What these do not see by a standard deviation, if the body is shifted by its size or doubled, stays as it is.
     """
-    plain = [_of_body(o.records, body) for o in _used(observed, use) if len(o) and o.records.groups <= {POSE, POINT}]
+    plain = [of_body(o.records, body) for o in weighed(observed, use) if len(o) and o.records.groups <= {POSE, POINT}]
     for _ in range(LINEAR_STEPS if plain else 0):
         rows = [whitened(r, {BODY: start}, np.arange(len(r.active))) for r in plain]
         J = np.concatenate([A[0].reshape(-1, 7) for _, A in rows])
@@ -204,17 +209,18 @@ def scaled(observed: Sequence[Observed], use: Bool, body: FreeBody, start: Simil
         step[0, SHIFT_AND_SCALE] = -size * (
             Vt.T @ np.divide(along, singular_values, out=np.zeros(len(singular_values)), where=singular_values > 1.0)
         )
-        start = _retracted(start, step)
+        start = retracted(start, step)
     return start
 
 
-def _retracted(value: Similarity, step: Float) -> Similarity:
+def retracted(value: Similarity, step: Float) -> Similarity:
+    """The similarity moved by shift, turn and change of scale about the origin, (1, 7)."""
     t, r, m = step[0, :3], step[0, 3:6], max(1.0 + float(step[0, 6]), SMALLEST)
     turn = exp_rotation(r)
     return Similarity(m * turn @ value.translation + t, m * value.scale, turn @ value.rotation)
 
 
-def _of_body(records: Records, body: FreeBody) -> Records:
+def of_body(records: Records, body: FreeBody) -> Records:
     """The same records, as observations of the body."""
     is_of_body = [group in (POSE, POINT) for group, _ in records.touches]
     others = tuple(touch for touch, of_body in zip(records.touches, is_of_body) if not of_body)

@@ -22,7 +22,7 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text, finite_rows
 from aatri.geometry.rotations import exp_rotation, left_jacobian, log_rotation, skew
-from aatri.geometry.similarity import Similarity, compose, motions_about, transform
+from aatri.geometry.similarity import Similarity, compose, motions_about, transform, transform_covariance
 from aatri.geometry.uncertain_intersection import UNCERTAIN
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT, POSE, Poses
@@ -81,10 +81,16 @@ class FreeBody:
         """Direction against the mean viewing direction of its images."""
         return np.asarray(self.poses.ground_from_image[self.has[POSE]][:, :, 2].mean(axis=0))
 
+    def moved(self, to: Similarity) -> "FreeBody":
+        """The same after a similarity."""
+        poses = Poses(transform(to, self.poses.position_m), to.rotation @ self.poses.ground_from_image)
+        of_points, of_centres = (transform_covariance(to, C) for C in (self.covariance, self.centre_covariance))
+        return FreeBody(poses, transform(to, self.xyz), of_points, of_centres, self.turn_rad)
+
     def on_ground(self, to: Similarity) -> dict[str, Any]:
         """Its images and points after a similarity, as a state of unknowns."""
-        poses = Poses(transform(to, self.poses.position_m), to.rotation @ self.poses.ground_from_image)
-        return {POSE: poses, POINT: transform(to, self.xyz)}
+        moved = self.moved(to)
+        return {POSE: moved.poses, POINT: moved.xyz}
 
 
 def concerning(observed: Iterable[Observed], body: FreeBody) -> tuple[Observed, ...]:

@@ -1,0 +1,60 @@
+"""What bodies with points and images in common tell of each other where each has too little of its own."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from aatri.adapters.ground.ground_observed import NEIGHBOUR, GroundObserved, everything
+from aatri.geometry.similarity import Similarity
+from aatri.observations.attitudes import KIND as ATTITUDE
+from aatri.observations.control import known_at, observed_control
+from aatri.observations.observed import Observed
+from aatri.observations.poses import POINT, POSE
+from aatri.observations.positions import Positions, observed_positions
+from aatri.orientation.bodies.free_body import FreeBody, observed_rotations
+from aatri.orientation.bodies.joint_start import joint_start
+
+
+def beside_neighbours(ground: GroundObserved, neighbours: Sequence[FreeBody], body: FreeBody) -> GroundObserved:
+    """With the images and points that a body shares with others, as these have them; each by the first of them.
+
+    Parameters
+    ----------
+    neighbours : sequence of FreeBody
+        On the ground, reduced to the origin.
+    body : FreeBody
+        In a frame of its own.
+    """
+    block, has, observed = ground.block, body.has, list[Observed]()
+    images, points = has[POSE], has[POINT]
+    for other in neighbours:
+        has = other.has
+        image, point = np.flatnonzero(images & has[POSE]), np.flatnonzero(points & has[POINT])
+        images, points = images & ~has[POSE], points & ~has[POINT]
+        places, ids = known_at(point, other.xyz[point], other.covariance[point]), block.images.id[image]
+        observed += observed_control(places, np.zeros(3), block.points.id[point], kind=NEIGHBOUR)
+        if len(image):
+            arm, variances = np.zeros((len(image), 3)), other.centre_covariance[image]
+            none = np.full(len(image), -1, dtype=np.int32)
+            centres = Positions(none, image.astype(np.int32), other.poses.position_m[image], variances, arm)
+            observed += observed_positions(centres, np.zeros(3), ids)
+            turned = other.poses.ground_from_image[image]
+            observed.append(observed_rotations(ATTITUDE, image, turned, other.turn_rad, ids))
+    return replace(ground, beside=(*ground.beside, *observed))
+
+
+def determined_together(
+    ground: GroundObserved, placed_bodies: Sequence[FreeBody], bodies: Sequence[FreeBody]
+) -> dict[int, Similarity]:
+    """Ground from body of those of `bodies` that are determined by what they share and control together, by number."""
+    observes = [
+        beside_neighbours(ground, placed_bodies, body).of(body, everything, attitudes=True, drift=False)
+        for body in bodies
+    ]
+    left, to = [k for k, body in enumerate(bodies) if body.has[POINT].any()], dict[int, Similarity]()
+    while left:
+        group, placed_here = joint_start([bodies[k] for k in left], [observes[k] for k in left])
+        to |= {left[k]: similarity for k, similarity in placed_here.items()}
+        left = [k for number, k in enumerate(left) if number not in group]
+    return to

@@ -1,0 +1,107 @@
+"""Components of images that have too little of their own, by what they share with others."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aatri.adapters.ground.component_bodies import body_of
+from aatri.adapters.ground.ground_observed import GroundObserved, oriented_by
+from aatri.adapters.ground.neighbouring_bodies import beside_neighbours, determined_together
+from aatri.arrays import Text, finite_rows
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.geometry.similarity import Similarity
+from aatri.ids import shown
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.observed import Observed
+from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
+from aatri.orientation.graph.component import ImageComponent
+
+FEWEST_OTHERS, MOST_SHARED = 4, 30
+"""Points shared with neighbours that must fit each other for another to be the wrong one (three fit alone by two
+conditions); of more points than the second one wrong does not spoil the start."""
+
+
+@dataclass(frozen=True)
+class OnGround:
+    """A component on the ground."""
+
+    component: ImageComponent
+    """In the ground's frame, reduced to the origin."""
+    oriented: OrientedBody | None
+    """None where its neighbours brought it there, or nothing is observed of it."""
+    similarity: Similarity
+    """Ground from component."""
+    free: bool = False
+    """Nothing tells where it lies."""
+    datum: Text | None = None
+    """Points by whose approximate coordinates it lies there."""
+    left: tuple[Observed, ...] = ()
+    """What is left out, as it contradicts all else."""
+
+
+def by_neighbours(
+    ground: GroundObserved,
+    component: ImageComponent,
+    rays: ImagePointRows,
+    neighbours: Sequence[ImageComponent],
+    what: str,
+    settings: OrientationSettings,
+) -> tuple[OnGround, str] | str:
+    """A component by what it shares with others, without a point that contradicts all else, and which; or why not."""
+
+    def oriented(own: ImageComponent) -> tuple[OnGround, OrientedBody] | None:
+        body = body_of(own, rays)
+        beside = beside_neighbours(ground, [body_of(c, rays) for c in neighbours], body)
+        if not beside.beside:
+            return None
+        seated, _ = oriented_by(beside, body, settings, what)
+        return OnGround(own.moved(seated.ground_from_body), None, seated.ground_from_body), seated
+
+    try:
+        part = oriented(component)
+        return "" if part is None else (part[0], "")
+    except GeometryError as error:
+        return error.what.removeprefix(f"{what}: ")
+    except ConvergenceError as error:
+        reason = error.what
+    shared = np.flatnonzero(np.any([finite_rows(c.xyz) for c in neighbours], axis=0) & finite_rows(component.xyz))
+    fits = list[tuple[float, int, OnGround]]()
+    for point in shared.tolist() if FEWEST_OTHERS < len(shared) <= MOST_SHARED else []:
+        try:
+            part = oriented(component.without_point(point, rays))
+        except (ConvergenceError, GeometryError):
+            continue
+        if part is not None and part[1].tied.tau_m == 0:
+            fits.append((part[1].tied.sigma0, point, part[0]))
+    names = ground.block.points.id
+    if not fits:
+        return f"{reason}: points it shares contradict each other: {shown(names[shared])}"
+    _, point, best = min(fits, key=lambda fit: fit[:2])
+    text = f"oriented by the {len(shared) - 1} points it shares with others that fit each other, without {names[point]}"
+    return best, f"{text}: two objects may carry the number"
+
+
+def together(
+    ground: GroundObserved,
+    components: Sequence[ImageComponent],
+    names: Sequence[str],
+    rays: ImagePointRows,
+    neighbours: Sequence[ImageComponent],
+    settings: OrientationSettings,
+) -> dict[int, OnGround]:
+    """Components that only together are determined, by number; each at last by what it shares with the others.
+
+    Parameters
+    ----------
+    neighbours : sequence of ImageComponent
+        Those that are on the ground already.
+    """
+    bodies = [body_of(c, rays) for c in components]
+    to = determined_together(ground, [body_of(c, rays) for c in neighbours], bodies)
+    begun, done = {k: components[k].moved(similarity) for k, similarity in to.items()}, dict[int, OnGround]()
+    for k, similarity in to.items():
+        others = [*neighbours, *(c for other, c in begun.items() if other != k)]
+        part = by_neighbours(ground, components[k], rays, others, names[k], settings)
+        done[k] = OnGround(begun[k], None, similarity) if isinstance(part, str) else part[0]
+    return done

@@ -1,0 +1,56 @@
+"""Strips that hold too little control each, and are determined by what they share and control together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from aatri.errors import GeometryError
+from tests.small_blocks import Small, adjusted_by, flown, off_m
+
+
+def sharing(points: int, *, control: dict[str, str], attitudes: bool = False) -> Small:
+    """Two strips of four images with so many points in common, none of which is control."""
+    small = flown(2, 4, points=40)
+    strips = {p: {small.strip[i][0] for i, q in small.rays if q == p} for p in small.xyz_m}
+    often = {p: sum(q == p for _, q in small.rays) for p in small.xyz_m}
+    both = [p for p in small.xyz_m if strips[p] == {"S1", "S2"} and p not in control and often[p] > 5]
+    ends = [min(both, key=lambda p: small.xyz_m[p] @ [a, b, 0]) for a, b in ((1, 1), (-1, 1), (0, -1))]
+    kept = ends[:points]
+    small.rays = {
+        (i, p): xy
+        for (i, p), xy in small.rays.items()
+        if len(strips[p]) == 1 or p in kept or small.strip[i][0] == ("S2" if small.xyz_m[p][1] > 225.0 else "S1")
+    }
+    small.control, small.observed = control, {}
+    small.attitudes = [*small.strip] if attitudes else []
+    return small
+
+
+TOGETHER = [
+    pytest.param({"control": {"C1": "XYZ", "C3": "XYZ", "C2": "XYZ"}}, 3, id="three points, of which a strip has one"),
+    pytest.param({"control": {"C1": "XYZ", "C4": "XYZ"}, "attitudes": True}, 1, id="a point in each, and attitudes"),
+]
+
+
+@pytest.mark.slow(after=1)
+@pytest.mark.parametrize("chain", ["graph", "chain"])
+@pytest.mark.parametrize(("given", "points"), TOGETHER)
+def test_strips_that_only_together_are_determined_are_oriented(
+    tmp_path: Path, chain: str, given: dict[str, object], points: int
+) -> None:
+    small = sharing(points, **given)  # type: ignore[arg-type]
+    done = adjusted_by(chain, small.write(tmp_path / "b"))
+    assert done.bundle.images.oriented.all()
+    assert off_m(small, done.initial) < 15.0
+    assert off_m(small, done.bundle) < 1.5
+    assert done.bundle.sigma0 < 1.3
+
+
+@pytest.mark.slow(after=1)
+@pytest.mark.parametrize("chain", ["graph", "chain"])
+def test_strips_that_together_are_open_too_are_refused(tmp_path: Path, chain: str) -> None:
+    small = sharing(3, control={"C1": "XYZ", "C2": "XYZ"})
+    with pytest.raises(GeometryError, match="not determined"):
+        adjusted_by(chain, small.write(tmp_path / "b"))
