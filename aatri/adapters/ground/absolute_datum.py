@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from aatri.adapters.ground.control_by_rays import ControlByRays, control_by_rays
-from aatri.adapters.ground.ground_observed import GroundObserved, oriented_by
+from aatri.adapters.ground.ground_observed import HARDLY, GroundObserved, oriented_by
 from aatri.adapters.ground.neighbouring_bodies import beside_neighbours, determined_together
 from aatri.adapters.ground.one_left_out import oriented_by_the_others
 from aatri.adapters.strips import oriented_strips as pieces
@@ -146,7 +146,7 @@ def parts_together(
         others = [*placed, *(body for other, body in begun.items() if other != k)]
         beside = replace(block_strips, ground=beside_neighbours(block_strips.ground, others, bodies[k]))
         with contextlib.suppress(ConvergenceError, GeometryError):
-            done[k] = oriented_part(beside, components[k], names[k], settings)[0]
+            done[k] = oriented_part(beside, components[k], names[k], replace(settings, weakest=HARDLY))[0]
     return done
 
 
@@ -182,10 +182,14 @@ def levelled_part(
     """
     ground, rays = block_strips.ground, block_strips.rays
     image = free_images(block_strips.strips, component)[2]
-    seen = rays.point[rays.active & np.isin(rays.image, image)]
-    others = [c.point for c in free.components if c is not component]
+
+    def shown(c: Component) -> Int:
+        of_images = rays.active & np.isin(rays.image, free_images(block_strips.strips, c)[2])
+        return np.append(rays.point[of_images], c.point)
+
+    others = [shown(c) for c in free.components if c is not component]
     control = block_strips.control_beside(component)
-    if not np.isin(np.append(seen, component.point), np.concatenate([control, *others])).any():
+    if not np.isin(shown(component), np.concatenate([control, *others])).any():
         return None
     looking_down = levelled(image, LEVEL_RAD * np.sqrt(len(image)), ground.block.images.id[image])
     level = replace(block_strips, ground=replace(ground, beside=(*ground.beside, looking_down)))

@@ -249,7 +249,8 @@ def _joined_and_oriented(
         parts.append(part)
         notes += more
     others = failed if weakly or not any(free.weak) else []
-    together = parts_together(block_strips, parts, [c for c, _, _ in others], [w for _, w, _ in others], settings)
+    components, names_of_these = [c for c, _, _ in others], [what for _, what, _ in others]
+    together = parts_together(block_strips, parts, components, names_of_these, settings) if others else {}
     parts += together.values()
     text = "oriented together with others, by what they share and what is observed of each; without them"
     notes += [Note("note", f"{failed[k][1]}: {text} {failed[k][2].what}") for k in together]

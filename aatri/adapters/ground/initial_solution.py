@@ -108,10 +108,10 @@ def _placed(block: Block, rays: ImagePointRows, parts: Sequence[OnGround], origi
         position[new], rotation[new] = c.poses.position_m[new] + origin_m, c.poses.ground_from_image[new]
         xyz[points] = c.xyz[points] + origin_m
         kept |= c.kept & new[rays.image] & points[rays.point]
-        own |= c.kept
+        own |= c.kept | (new[rays.image] & ~finite_rows(c.xyz)[rays.point])  # it has nothing against the latter
     reached = rays.active & finite_rows(position)[rays.image] & finite_rows(xyz)[rays.point]
     poses = Poses(position, rotation)
-    # Components that nothing joined lie apart by more than rays do: their own rays are not to blame.
+    # Components that nothing joined lie apart by more than rays do: rays between them are not to blame.
     apart = np.flatnonzero(reached & own & ~kept)
     kept[apart] = residuals_mm(rays, apart, poses, xyz) <= WIDE_RAD * rays.c_mm[apart]
     return _Placed(poses, xyz, component, kept, reached)

@@ -48,13 +48,12 @@ def determined_together(
     ground: GroundObserved, placed_bodies: Sequence[FreeBody], bodies: Sequence[FreeBody]
 ) -> dict[int, Similarity]:
     """Ground from body of those of `bodies` that are determined by what they share and control together, by number."""
-    observes = [
-        beside_neighbours(ground, placed_bodies, body).of(body, everything, attitudes=True, drift=False)
-        for body in bodies
-    ]
+    beside = [beside_neighbours(ground, placed_bodies, body) for body in bodies]
+    observes = [seen.of(body, everything, attitudes=True, drift=False) for seen, body in zip(beside, bodies)]
     left, to = [k for k, body in enumerate(bodies) if body.has[POINT].any()], dict[int, Similarity]()
     while left:
         group, placed_here = joint_start([bodies[k] for k in left], [observes[k] for k in left])
-        to |= {left[k]: similarity for k, similarity in placed_here.items()}
+        if len(group) > 1 or beside[left[group[0]]].beside:  # what others do not help stays as it is
+            to |= {left[k]: similarity for k, similarity in placed_here.items()}
         left = [k for number, k in enumerate(left) if number not in group]
     return to

@@ -103,16 +103,16 @@ def _settled(ends: Sequence[End]) -> bool:
 
 def _fitted(bodies: Sequence[FreeBody], observes: Sequence[Observe], to: Placed, new: int) -> End:
     """All bodies adjusted; the new one begins with the shift and scale of what is observed of it."""
-    observed = {k: observes[k](to[k]) for k in to}
-    use = np.ones(sum(map(len, observed[new])), dtype=bool)
-    to = {**to, new: scaled(observed[new], use, bodies[new], to[new])}
-    v, J = _equations(bodies, observes, to)
+    of_new = observes[new](to[new])
+    to = {**to, new: scaled(of_new, np.ones(sum(map(len, of_new)), dtype=bool), bodies[new], to[new])}
+    observed = {k: _weighed(observes[k](to[k])) for k in to}
+    v, J = _equations(bodies, observed, to)
     damping = DAMPING
     for _ in range(ITERATIONS):
         N, cost = J.T @ J, 0.5 * float(v @ v)
-        step = -np.linalg.solve(N + damping * np.diag(np.diag(N) + RIDGE * N.max()), J.T @ v)
+        step = -np.linalg.solve(N + damping * np.diag(np.diag(N) + RIDGE * (N.max() or 1.0)), J.T @ v)
         stepped = {k: retracted(s, np.asarray(dx)[None]) for (k, s), dx in zip(to.items(), step.reshape(-1, 7))}
-        v_new, J_new = _equations(bodies, observes, stepped)
+        v_new, J_new = _equations(bodies, observed, stepped)
         gain = cost - 0.5 * float(v_new @ v_new)
         if gain >= 0.0:
             to, v, J, damping = stepped, v_new, J_new, damping / 10
@@ -123,7 +123,13 @@ def _fitted(bodies: Sequence[FreeBody], observes: Sequence[Observe], to: Placed,
     return 0.5 * float(v @ v), to
 
 
-def _equations(bodies: Sequence[FreeBody], observes: Sequence[Observe], to: Placed) -> tuple[Float, Float]:
+def _weighed(observed: Sequence[Observed]) -> Sequence[Observed]:
+    return weighed(observed, np.ones(sum(map(len, observed)), dtype=bool))
+
+
+def _equations(
+    bodies: Sequence[FreeBody], observed: Mapping[int, Sequence[Observed]], to: Placed
+) -> tuple[Float, Float]:
     """Whitened residuals (n,) and derivatives (n, 7 k), bodies side by side."""
     v, J = list[Float](), list[Float]()
     column = {k: slice(7 * n, 7 * n + 7) for n, k in enumerate(to)}
@@ -136,7 +142,7 @@ def _equations(bodies: Sequence[FreeBody], observes: Sequence[Observe], to: Plac
         J.append(rows)
 
     for k, place in to.items():
-        w, by_body = _of_one(bodies[k], observes[k](place), place)
+        w, by_body = _of_one(bodies[k], observed[k], place)
         add(w, {k: by_body})
         for other in [other for other in to if other < k]:
             both = np.flatnonzero(bodies[k].has[POINT] & bodies[other].has[POINT])
@@ -150,12 +156,11 @@ def _equations(bodies: Sequence[FreeBody], observes: Sequence[Observe], to: Plac
 
 def _of_one(body: FreeBody, observed: Sequence[Observed], to: Similarity) -> tuple[Float, Float]:
     """Whitened residuals (n,) and derivatives (n, 7) of what is observed of a body, its own unknowns eliminated."""
-    counting = weighed(observed, np.ones(sum(map(len, observed)), dtype=bool))
     state = {BODY: to, **{name: value for o in observed for name, value in o.start.items()}}
     own = {u.name: u.free for o in observed for u in o.unknowns}
     width = {BODY: 7, **{name: int(free.sum()) for name, free in own.items()}}
     v, design = [np.zeros(0)], [np.zeros((0, sum(width.values())))]
-    for o in counting:
+    for o in observed:
         records = of_body(o.records, body)
         w, jacobians = whitened(records, state, np.arange(len(o)))
         by_group = {name: np.zeros((w.size, columns)) for name, columns in width.items()}
@@ -178,7 +183,7 @@ def _determined(bodies: Sequence[FreeBody], observes: Sequence[Observe], to: Pla
     extent = max(float(np.linalg.norm(np.ptp(X, axis=0))) for X in places)
     G = [motions(X) for X in places]
     M = block_diag(*(np.mean(g.swapaxes(1, 2) @ g, axis=0) for g in G))
-    J = _equations(bodies, observes, to)[1]
+    J = _equations(bodies, {k: _weighed(observes[k](s)) for k, s in to.items()}, to)[1]
     values, z = eigh(J.T @ J, M + RIDGE * np.trace(M) / len(M) * np.eye(len(M)))
     open_z = z[:, values * (UNKNOWN * extent) ** 2 < 1.0].reshape(len(to), 7, -1)
     moved = [np.linalg.norm(g @ z_k, axis=1).max(initial=0.0) for g, z_k in zip(G, open_z)]
