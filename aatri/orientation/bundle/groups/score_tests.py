@@ -27,7 +27,6 @@ from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.whitening import times_whitener
 from aatri.arrays import Float, Int
 from aatri.observations.image_points import KIND as IMAGE_POINT
-from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.groups.candidates import (
     MARK,
@@ -38,6 +37,7 @@ from aatri.orientation.bundle.groups.candidates import (
     dispersion_of,
 )
 from aatri.orientation.bundle.groups.group import Group, Key
+from aatri.orientation.bundle.groups.harm import harmful
 from aatri.orientation.bundle.result import BundleResult
 
 MOST_GROUPS, EXPLAINS = 4, 0.1
@@ -211,7 +211,7 @@ def _confirmed(
     if group.key in accepted or (single and t.joint.gain < single**2 + SEPARABLE):
         return None
     change = moved(adjusted, result.observations[group.place].observed.records, group.rows, group.effect)
-    group = _with_harm(block, result, group, change)
+    group = harmful(block, result, group, change)
     if group.harm <= 1.0:
         return None
     before, after, scale = _residuals(adjusted, result, group, change)
@@ -259,23 +259,6 @@ def most_fit_better(before: Float, after: Float, *, absorbed: bool = False) -> b
     change, gain = ((after - before) ** 2).sum(axis=1), (before**2 - after**2).sum(axis=1)
     better = gain[(not absorbed) | (change >= 0.5 * change.mean())] > 0
     return (not absorbed or len(better) > 3) and bool(better.mean() > 0.5 + 0.5 / np.sqrt(len(better)))
-
-
-def _with_harm(block: BundleInput, result: BundleResult, group: Group, change: dict[str, Float]) -> Group:
-    """What the group does to coordinates, those of points first."""
-    for name, ids, what in ((POINT, block.point_ids, "point"), (POSE, block.image_ids, "projection centre of image")):
-        if name not in change or not len(change[name]):
-            continue
-        sigma = group.sigma0 * np.sqrt(np.einsum("nii->ni", result.covariances[name])[:, :3])
-        by = np.abs(change[name][:, :3])
-        ratio = np.divide(by, sigma, out=np.zeros_like(by), where=sigma > 0)
-        row, axis = np.unravel_index(int(ratio.argmax()), ratio.shape)
-        if ratio[row, axis] > max(group.harm, 1.0) or (name == POINT and ratio[row, axis] > 0):
-            harmless, group = group.harm <= 1.0, replace(group, harm=float(ratio[row, axis]))
-            if harmless:
-                coordinate = f"{'XYZ'[axis]} of {what} {np.asarray(ids)[row]}"
-                group = replace(group, change_m=float(by[row, axis]), moved=coordinate)
-    return group
 
 
 def _without_strangers(group: Group, before: Float, after: Float) -> Group:

@@ -37,6 +37,7 @@ from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, wi
 from aatri.orientation.bundle.groups.candidates import MARK, CandidatesOf
 from aatri.orientation.bundle.groups.frame_marks import SETS_OUT, rejected_points_of_sets, without_rejected_sets
 from aatri.orientation.bundle.groups.group import Group
+from aatri.orientation.bundle.groups.harm import with_harm
 from aatri.orientation.bundle.groups.score_tests import at_result, is_significant, significant_groups
 from aatri.orientation.bundle.groups.single_errors import attempted, beyond_exact, cost_without_worst, largest_gain_root
 from aatri.orientation.bundle.result import BundleResult, from_result
@@ -269,10 +270,10 @@ def _without_group_unknowns(
                 raise
             continue
         break
-    accepted = [
-        AcceptedGroup(_with_estimate(g, k, done.result), any(g is o for o in (*left_out_groups, *marks)))
-        for k, g in enumerate(groups)
-    ]
+    accepted = list[AcceptedGroup]()
+    for k, g in enumerate(groups):
+        estimated, is_out = _with_estimate(g, k, done.result), any(g is o for o in (*left_out_groups, *marks))
+        accepted.append(AcceptedGroup(estimated if is_out else with_harm(block, result, estimated), is_out))
     return replace(done, inputs=inputs, result=result), tuple(accepted)
 
 
