@@ -270,11 +270,10 @@ def _without_group_unknowns(
                 raise
             continue
         break
-    accepted = list[AcceptedGroup]()
-    for k, g in enumerate(groups):
-        estimated, is_out = _with_estimate(g, k, done.result), any(g is o for o in (*left_out_groups, *marks))
-        accepted.append(AcceptedGroup(estimated if is_out else with_harm(block, result, estimated), is_out))
-    return replace(done, inputs=inputs, result=result), tuple(accepted)
+    out = [any(g is o for o in (*left_out_groups, *marks)) for g in groups]
+    estimated = [_with_estimate(g, k, done.result) for k, g in enumerate(groups)]
+    judged = [g if is_out else with_harm(block, result, g) for g, is_out in zip(estimated, out)]
+    return replace(done, inputs=inputs, result=result), tuple(map(AcceptedGroup, judged, out))
 
 
 def _with_estimate(group: Group, number: int, result: BundleResult) -> Group:
