@@ -21,6 +21,7 @@ from aatri.errors import GeometryError
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.similarity import Similarity, transform, transform_covariance
 from aatri.geometry.strip_bases import StripAxes, StripBasis, strip_axes
+from aatri.geometry.uncertain_intersection import at_a_distance
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.control import Control, control_of
@@ -83,6 +84,8 @@ def on_the_ground(block: Block, strips: Strips, initial: Solution) -> StripsOnGr
             initial.images.ground_from_image[image],
         )
         of_strip = np.flatnonzero(table.strip == strip)
+        # a point at infinity would be the end of the strip
+        of_strip = of_strip[at_a_distance(table.xyz[of_strip], table.covariance[of_strip], images.position[rows])]
         xyz = transform(to_ground, table.xyz[of_strip])
         covariance = transform_covariance(to_ground, table.covariance[of_strip])
         parts.append(BodyPoints(np.full(len(of_strip), len(numbers)), table.point[of_strip], xyz, covariance))

@@ -23,7 +23,7 @@ from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text, finite_rows
 from aatri.geometry.rotations import exp_rotation, left_jacobian, log_rotation, skew
 from aatri.geometry.similarity import Similarity, compose, motions_about, transform, transform_covariance
-from aatri.geometry.uncertain_intersection import UNCERTAIN
+from aatri.geometry.uncertain_intersection import at_a_distance
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.ties import BODY, COMPONENT_CENTRE, COMPONENT_POINT, COMPONENT_ROTATION, HELD
@@ -64,16 +64,10 @@ class FreeBody:
 
     @property
     def places(self) -> Float:
-        """All points, but those at infinity, and projection centres.
-
-        A point at infinity is uncertain by more than `UNCERTAIN` of the median distance: its own distance, as
-        uncertain, says nothing, and it alone would decide what a change of scale moves.
-        """
+        """Projection centres and points, but those at infinity, which would decide what a change of scale moves."""
         centres = self.poses.position_m[self.has[POSE]]
         points = np.flatnonzero(self.has[POINT])
-        spread = np.sqrt(np.einsum("nii->n", self.covariance[points]))
-        distance = np.linalg.norm(self.xyz[points] - centres.mean(axis=0), axis=1)
-        near = spread < UNCERTAIN * np.median(distance)
+        near = at_a_distance(self.xyz[points], self.covariance[points], centres)
         return np.concatenate([self.xyz[points[near]], centres])
 
     @property
