@@ -34,7 +34,7 @@ from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import FILM, POINT, POSE
 from aatri.observations.positions import KIND as POSITION
-from aatri.orientation.bundle.block import BundleInput, ImageGroups
+from aatri.orientation.bundle.block import LINE, STRIP, BundleInput, ImageGroups
 from aatri.orientation.bundle.groups.camera_effects import AFFINITY, CameraEffects
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MOST_TYPICAL, Candidates, Cause, UnitMembers
 from aatri.orientation.bundle.groups.frame_marks import gives_coordinates, marks_of_frames, points_of_sets
@@ -102,7 +102,7 @@ def _with_lines(images: ImageGroups, ids: Ids, position_m: Float) -> ImageGroups
     strip = np.full(len(images.strip), "", dtype=object)
     for line in flown_lines(position_m, images.time_s, images.sequence, images.camera):
         strip[line] = f"{ids[line[0]]} to {ids[line[-1]]}"
-    return replace(images, strip=strip.astype(np.str_))
+    return replace(images, strip=strip.astype(np.str_), line=LINE)
 
 
 def _of_all(place: int, rows: Int, H: Float, *causes: Cause) -> Candidates:
@@ -166,7 +166,7 @@ def _units(
     number = number[image]
     count = np.bincount(number, minlength=len(ids))
     enough = (count >= FEWEST) & (ids != "")
-    if not enough.any() or (per in ("strip", "flight") and (count > 0).sum() < 2):
+    if not enough.any() or (per in (STRIP, LINE, "flight") and (count > 0).sum() < 2):
         return
     large, new = enough[number], np.cumsum(enough) - 1
     if not large.all():
@@ -199,7 +199,7 @@ def _of_image_points(
         yield from _units(place, "camera", images.cameras[images.camera], image, rows, H, of_cameras)
     strip = images.strip if of_cameras == CAUSES else strips_with_part_of_a_camera(images, image)
     of_strips = (*CAUSES, Cause("camera", tuple(range(6))))
-    for units in _units(place, "strip", strip, image, rows, H, of_strips):
+    for units in _units(place, images.line, strip, image, rows, H, of_strips):
         yield replace(units, typical=np.ones(len(units.units), dtype=bool))
 
 

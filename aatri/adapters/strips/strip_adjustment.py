@@ -84,7 +84,6 @@ def on_the_ground(block: Block, strips: Strips, initial: Solution) -> StripsOnGr
             initial.images.ground_from_image[image],
         )
         of_strip = np.flatnonzero(table.strip == strip)
-        # a point at infinity would be the end of the strip
         of_strip = of_strip[at_a_distance(table.xyz[of_strip], table.covariance[of_strip], images.position[rows])]
         xyz = transform(to_ground, table.xyz[of_strip])
         covariance = transform_covariance(to_ground, table.covariance[of_strip])

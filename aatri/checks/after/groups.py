@@ -3,10 +3,9 @@
 Seen: positions off by a constant, heights that count from another surface, a camera with another constant, distances of
 a map: errors that single tests cannot find, and that spread over good observations.
 Test: `orientation.bundle.groups`: score tests of all causes of all groups, at 0.1 % for the block. The result
-contradicts its own tests where a group that is kept moves a coordinate by more standard deviations than chance does.
-All coordinates move by the same k parameters g: by the inequality of Cauchy and Schwarz |dx_i| / sigma(dx_i) is at
-most the root of g' C_g^-1 g, whose limit is that of chi-square of k degrees at 1 % (docs/methods/gross_errors.md).
-So it does where a camera asks for another calibration, and has left that of block.yaml by ten standard deviations.
+contradicts its own tests where a group that is kept moves a coordinate of it by more of its standard deviations, those
+of the result (Baarda's external reliability), than the root of chi-square of its k parameters at 1 %, for which
+docs/methods/gross_errors.md has the reason; so it does where a camera has left the calibration of block.yaml by ten.
 """
 
 from collections.abc import Callable, Container, Iterator, Mapping
@@ -21,6 +20,7 @@ from aatri.checks.finding import Finding
 from aatri.checks.limits import OTHER_LEVER_ARM, SHORTEST_ARM_M
 from aatri.observations.carried_vectors import BORESIGHT, LEVER_ARM
 from aatri.observations.image_points import KIND as IMAGE_POINT
+from aatri.orientation.bundle.block import LINE, STRIP
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MARK, NEIGHBOURHOOD
 from aatri.orientation.bundle.groups.frame_marks import COORDINATES
 from aatri.orientation.bundle.groups.group import Group
@@ -209,8 +209,8 @@ def _ask(g: Group) -> str:
 
 
 def _lens(g: Group) -> str:
-    if g.per == "strip":
-        return "was the strip flown with another camera? give its images that one"
+    if g.per in (STRIP, LINE):
+        return f"was the {g.per} flown with another camera? give its images that one"
     if g.loosens:
         return "check it, or give it a larger standard deviation, by which it is estimated"
     return "check it, or estimate it (`self_calibration`)"
@@ -228,7 +228,7 @@ def _radial(g: Group) -> tuple[str, str]:
 def _affinity(g: Group) -> tuple[str, str]:
     a, b = (f"{1e3 * v:.3g} (+- {1e3 * s:.2g}) um" for v, s in zip(g.value, g.sigma))
     text = f"{_ask(g)} an affinity: x longer and y shorter by {a} at the corner of the format, axes turned by {b}"
-    if g.per in ("strip", IMAGE):
+    if g.per in (STRIP, LINE, IMAGE):
         return (
             text,
             f"was the film or the scanner of this {g.per} another, or are its marks those of another image? "

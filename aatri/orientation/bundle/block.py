@@ -26,6 +26,8 @@ from aatri.observations.poses import POINT, POSE, Poses, point_generator, pose_u
 from aatri.orientation.bundle.seen_distances import median_distance_m, seen_distances_m
 from aatri.orientation.bundle.strip_numbering import StripNumbering
 
+STRIP, LINE = "strip", "line of flight"
+
 
 @dataclass(frozen=True)
 class ImageGroups:
@@ -43,6 +45,8 @@ class ImageGroups:
     time_s: Float
     sequence: Float
     """(n,). Time, and place in the strip."""
+    line: str = STRIP
+    """What a strip is: one that is declared, or a line that was flown."""
 
 
 @dataclass(frozen=True)

@@ -85,11 +85,11 @@ def test_a_strip_that_was_zoomed_costs_neither_control_nor_positions(declared: b
     xy[rows] = middle + 1.05 * (xy[rows] - middle)
     inside = ((xy >= 0) & (xy <= size - 1)).all(axis=1)
     block = replace(block, image_points=replace(m, xy=xy, active=m.active & inside))
-    of_strip = str(block.strips.id[0])
+    of_strip = f"strip {block.strips.id[0]}"
     if not declared:
         no_strip, no_place = np.full(len(images), -1, dtype=images.strip.dtype), np.full(len(images), np.nan)
         block = replace(block, images=replace(images, strip=no_strip, sequence=no_place))
-        of_strip = " to ".join(images.id[np.flatnonzero(first)[[0, -1]]])
+        of_strip = "line of flight " + " to ".join(images.id[np.flatnonzero(first)[[0, -1]]])
     points = calibrated(block)
     start = graph(block, points, rng=np.random.default_rng(1))
     assert (start.suspects.kind == "position").sum() >= 3  # one by one the start rejects the positions of the strip
@@ -98,7 +98,7 @@ def test_a_strip_that_was_zoomed_costs_neither_control_nor_positions(declared: b
     s: Suspects = solution.suspects
     assert not np.isin(s.kind[staying_out(s)], ("control", "position")).any()
     (text,) = _groups_named(tuple(told.warnings))
-    name = f"image points of strip {of_strip} ask for a principal distance of 9.24"
+    name = f"image points of {of_strip} ask for a principal distance of 9.24"
     assert name in text
     with pytest.raises(ConvergenceError, match=name):  # beyond the bound the error says the same, not what may be
         bundle(block, points, start, options=BundleOptions(max_sigma0=2.0))

@@ -6,6 +6,7 @@ import numpy as np
 
 from aatri.arrays import Float, Int
 from aatri.observations.image_points import KIND as IMAGE_POINT
+from aatri.orientation.bundle.block import LINE, STRIP
 
 Key = tuple[int, str, str, str]
 
@@ -59,7 +60,7 @@ class Group:
         if self.loosens:
             return False, False, 0
         of_image = self.kind == IMAGE_POINT
-        return of_image and self.per == "strip", of_image, len(self.value)
+        return of_image and self.per in (STRIP, LINE), of_image, len(self.value)
 
     @property
     def factor(self) -> float:
