@@ -58,12 +58,13 @@ VERTICAL = Shape("vertical_plane", ("turn", "offset"), 1, _vertical, _fit_vertic
 
 
 def _level(source: ObservationSource, conditions: Conditions) -> Observed:
-    """Points of one height, which is unknown."""
+    """Points of one height, which is unknown; it counts from where the heights of the block do."""
     level, point, condition, n = source.level, conditions.point[:, 0], conditions.of, len(conditions.row)
+    reduced_by = 0.0 if level.curved else float(source.origin_m[2])
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         h, by_point = level.height(state[POINT][point[rows]])
-        v = h - state[conditions.group][condition[rows], 0]
+        v = h + reduced_by - state[conditions.group][condition[rows], 0]
         return v[:, None], (by_point[:, None, :], -np.ones((len(rows), 1, 1)))
 
     def generator(state: State) -> Float:
@@ -75,4 +76,4 @@ def _level(source: ObservationSource, conditions: Conditions) -> Observed:
     placed = np.flatnonzero(finite_rows(source.start[POINT][point]))
     start = means(level.height(source.start[POINT][point[placed]])[0][:, None], condition[placed], n)
     sees = ALL if level.curved else HEIGHT
-    return conditions.observed(evaluate, start, ("height",), generator, seeing(TILT), sees=sees)
+    return conditions.observed(evaluate, start + reduced_by, ("height",), generator, seeing(TILT), sees=sees)

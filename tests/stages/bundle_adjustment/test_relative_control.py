@@ -220,3 +220,11 @@ def test_a_free_network_with_relative_control_is_the_fixed_one_moved(case: str, 
     true = {**FIXED, **{str(k + 1): p for k, p in enumerate(CASES[case][1])}}
     away = free.points.xyz_m - np.array([true[str(k)] for k in free.points.id])
     assert np.abs(away).max() < 1.0
+
+
+@pytest.mark.parametrize("case", ["horizontal_plane", "equal_height"])
+def test_the_height_of_points_of_one_height_counts_as_theirs_do(case: str, tmp_path: Path) -> None:
+    done = _network(tmp_path / "b", case, "exact: true")
+    height_m = done.parameters.value[done.parameters.name == "height"]
+    on_it = [str(k + 1) for k in range(3)]
+    np.testing.assert_allclose(done.points.xyz_m[np.isin(done.points.id, on_it), 2], height_m[0], atol=1e-6)
