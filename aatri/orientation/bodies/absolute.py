@@ -183,12 +183,8 @@ def orient_body(
 
 
 def _bends_far_less(without: TiedResult, with_all: TiedResult) -> bool:
-    """Whether a body without what is far from its start bends so much less that it was that which bent it.
-
-    By chance r residuals are that small a share of what they may be with about the r-th power of the share.
-    """
-    less = without.tau_m < with_all.tau_m
-    return less and without.redundancy > 1 and (without.tau_m / with_all.tau_m) ** without.redundancy < CLEARLY**LEFT
+    """Whether what is far from its start bends a body: r residuals are that small by chance as the r-th power tells."""
+    return (r := without.redundancy) > 1 and without.tau_m**r < CLEARLY**LEFT * with_all.tau_m**r
 
 
 def _placed(
