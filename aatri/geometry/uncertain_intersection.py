@@ -110,18 +110,3 @@ def intersect_uncertain(
     used = np.isin(np.arange(len(xy_mm)), use)
     rays = np.bincount(point[use], minlength=n_points)
     return UncertainIntersection(xyz, covariance_m2, rays, whitened, residual, sigma, used)
-
-
-def at_a_distance(xyz: Float, covariance: Float, centres: Float) -> Bool:
-    """Which points are none at infinity, (n,): known to a share `UNCERTAIN` of their median distance from the images.
-
-    The own distance of a point at infinity, as uncertain, says nothing.
-
-    Parameters
-    ----------
-    xyz, covariance : (n, 3), (n, 3, 3) float64
-    centres : (m, 3) float64
-        Projection centres.
-    """
-    spread = np.sqrt(np.einsum("nii->n", covariance))
-    return np.asarray(spread < UNCERTAIN * np.median(np.linalg.norm(xyz - centres.mean(axis=0), axis=1)))

@@ -21,7 +21,6 @@ from aatri.errors import GeometryError
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.similarity import Similarity, transform, transform_covariance
 from aatri.geometry.strip_bases import StripAxes, StripBasis, strip_axes
-from aatri.geometry.uncertain_intersection import at_a_distance
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.control import Control, control_of
@@ -36,6 +35,7 @@ from aatri.orientation.bodies.deformed_covariances import (
     covariance_notes,
     deformed_covariances,
 )
+from aatri.orientation.bodies.free_body import at_a_distance
 from aatri.orientation.bodies.strip_polynomials import (
     StripPolynomials,
     adjust_strip_polynomials,

@@ -23,7 +23,7 @@ from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text, finite_rows
 from aatri.geometry.rotations import exp_rotation, left_jacobian, log_rotation, skew
 from aatri.geometry.similarity import Similarity, compose, motions_about, transform, transform_covariance
-from aatri.geometry.uncertain_intersection import at_a_distance
+from aatri.geometry.uncertain_intersection import UNCERTAIN
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.ties import BODY, COMPONENT_CENTRE, COMPONENT_POINT, COMPONENT_ROTATION, HELD
@@ -85,6 +85,21 @@ class FreeBody:
         """Its images and points after a similarity, as a state of unknowns."""
         moved = self.moved(to)
         return {POSE: moved.poses, POINT: moved.xyz}
+
+
+def at_a_distance(xyz: Float, covariance: Float, centres: Float) -> Bool:
+    """Which points are none at infinity, (n,): known to a share `UNCERTAIN` of their median distance from the images.
+
+    The own distance of a point at infinity, as uncertain, says nothing.
+
+    Parameters
+    ----------
+    xyz, covariance : (n, 3), (n, 3, 3) float64
+    centres : (m, 3) float64
+        Projection centres.
+    """
+    spread = np.sqrt(np.einsum("nii->n", covariance))
+    return np.asarray(spread < UNCERTAIN * np.median(np.linalg.norm(xyz - centres.mean(axis=0), axis=1)))
 
 
 def concerning(observed: Iterable[Observed], body: FreeBody) -> tuple[Observed, ...]:
