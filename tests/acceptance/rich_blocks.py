@@ -8,15 +8,13 @@ ground does not fulfil have large standard deviations.
 
 from __future__ import annotations
 
-import copy
 import hashlib
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from scipy.spatial.transform import Rotation
 
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
@@ -31,50 +29,13 @@ from aatri.stages.bundle_adjustment.bundle import BundleOptions
 from aatri.stages.image_refinement.systematic import SystematicOptions, systematic
 from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
+from tests.acceptance.folder_files import Folder, Table
 from tests.stages.hand_block import C_MM, Hand, Heard, angles_deg, hand, start
 
 # fmt: off
 ORIGIN = (440_000.0, 4_500_000.0, 100.0)
 ARM, MARKS = np.array([0.2, -0.1, 0.9]), np.array([[106.0, -106.0], [-106.0, -106.0], [-106.0, 106.0], [106.0, 106.0]])
 LOOSE = 60.0
-
-Table = list[dict[str, Any]]
-
-
-@dataclass
-class Folder:
-    """A block folder before it is written."""
-
-    of: Hand
-    settings: dict[str, Any]
-    tables: dict[str, Table]
-    conditions: Table
-
-    def copy(self) -> Folder:
-        """Another one with the same content."""
-        return Folder(self.of, *copy.deepcopy((self.settings, self.tables, self.conditions)))
-
-    def write(self, folder: Path) -> None:
-        """Write block.yaml, the tables and relative_control.yaml."""
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "block.yaml").write_text(_yaml(self.settings))
-        for name, rows in self.tables.items():
-            columns = list(dict.fromkeys(column for row in rows for column in row))
-            lines = [",".join(str(row.get(column, "")) for column in columns) for row in rows]
-            (folder / f"{name}.csv").write_text("\n".join([",".join(columns), *lines]) + "\n")
-        if self.conditions:
-            (folder / "relative_control.yaml").write_text(_yaml(self.conditions))
-
-
-def _yaml(value: Any) -> str:
-    """Without anchors: what stands twice is written twice."""
-    return yaml.dump(value, Dumper=_Plain, sort_keys=False)
-
-
-class _Plain(yaml.SafeDumper):
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
-
 
 def made(which: str) -> Folder:
     """`film`, `digital` or `cylinder`."""

@@ -7,8 +7,10 @@ it, or a warning says by name that what it belongs to is not used.
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,8 @@ import pytest
 
 from aatri.errors import AatriError
 from aatri.formats.tables import exterior, geodetic, ground, images
-from tests.acceptance.rich_blocks import Folder, equations, made
+from tests.acceptance.folder_files import Folder
+from tests.acceptance.rich_blocks import equations, made
 
 OWN = {"aatri_block", "name"}
 """Keys that are no values."""
@@ -125,15 +128,22 @@ def _leaves(value: Any, before: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[An
 
 
 def apply(folder: Folder, change: Change) -> Folder:
+    """The folder with one cell changed; its other tables are the same objects."""
     where, keys, value = change
-    found = folder.copy()
-    inside: Any = {"block.yaml": found.settings, "relative_control.yaml": found.conditions}.get(
-        where, found.tables.get(where)
-    )
-    for key in keys[:-1]:
-        inside = inside[key]
-    inside[keys[-1]] = value
-    return found
+    if where in folder.tables:
+        return replace(folder, tables=folder.tables | {where: _with(folder.tables[where], keys, value)})
+    if where == "block.yaml":
+        return replace(folder, settings=_with(folder.settings, keys, value))
+    return replace(folder, conditions=_with(folder.conditions, keys, value))
+
+
+def _with(part: Any, keys: tuple[Any, ...], value: Any) -> Any:
+    """A copy, along the way to what is changed."""
+    if not keys:
+        return value
+    copied = copy.copy(part)
+    copied[keys[0]] = _with(part[keys[0]], keys[1:], value)
+    return copied
 
 
 @functools.cache

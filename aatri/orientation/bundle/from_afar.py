@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.openness.open_directions import OpenError
+from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
 from aatri.arrays import Bool
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.ids import shown
@@ -68,7 +68,7 @@ def adjust_bundle_from_afar(
     if settings.datum == "given" and not _trusted(inputs, best):
         reason = failure.what if failure is not None else "another minimum is likely"
         reporter.log(f"adjusted again from a start by object space: {reason}")
-        best = _best_restart(inputs, best, reporter, settings, datum_open=_leaves_datum_open(failure))
+        best = _best_restart(inputs, best, reporter, settings, left_open=_left_open(inputs, failure))
     if best is None:
         assert failure is not None
         raise failure
@@ -95,12 +95,12 @@ def _best_restart(
     reporter: Reporter,
     settings: BundleSettings,
     *,
-    datum_open: bool = False,
+    left_open: frozenset[object] = frozenset(),
 ) -> BundleResult | None:
     """The best of the results so far and those of new starts; one without images turned over comes first.
 
-    `datum_open` is whether the first adjustment failed with motions of the whole open: where that of a new start does
-    too, it is the observations of the datum that leave them open, and further starts end there.
+    `left_open` is what the first adjustment has left open of the whole, or of most images: where that of a new start
+    leaves it open too, it is the observations that do not determine it, and further starts end there.
     """
     if has_shapes(inputs.observed):
         try:
@@ -117,7 +117,7 @@ def _best_restart(
             trial = adjust_bundle(trial_start, settings, reporter=reporter)
         except (ConvergenceError, GeometryError) as error:
             reporter.log(f"start by object space, sigmas of the image points times {factor:g}: {error.what}")
-            if best is None and datum_open and _leaves_datum_open(error):
+            if best is None and left_open and left_open == _left_open(inputs, error):
                 return None
             continue
         same_minimum = best is not None and np.isclose(trial.adjusted.cost, best.adjusted.cost, rtol=SAME, atol=0.0)
@@ -130,9 +130,18 @@ def _best_restart(
     return _resected(inputs, best, reporter, settings)
 
 
-def _leaves_datum_open(error: AatriError | None) -> bool:
-    """Whether an adjustment failed with motions of the whole block open, and nothing else."""
-    return isinstance(error, OpenError) and bool(error.combinations) and all(c.of_whole for c in error.combinations)
+def is_of_most(combination: OpenCombination, n_images: int) -> bool:
+    """Whether what is open is of the whole, or of most images, so that it is with fewer image points, too."""
+    images = [n for (_, group), n in zip(combination.unknowns, combination.counts) if group == POSE]
+    return combination.of_whole or 2 * max(images, default=0) > n_images
+
+
+def _left_open(inputs: BundleInput, error: AatriError | None) -> frozenset[object]:
+    """Of what an adjustment has failed for: motions of the whole as one, else the unknowns that most images share."""
+    combinations = error.combinations if isinstance(error, OpenError) else ()
+    if not all(is_of_most(c, len(inputs.image_ids)) for c in combinations):
+        return frozenset()
+    return frozenset("whole" if c.of_whole else c.unknowns for c in combinations)
 
 
 def _resected(

@@ -107,10 +107,13 @@ def test_least_squares_that_are_open_at_a_rough_state_are_tried_to_their_end() -
     assert without_search(block, adjust_once).result.adjusted.sigma0 < 1.2
 
 
-def test_a_datum_that_a_second_start_leaves_open_too_is_tried_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_second_start_leaves_open_of_most_images_too_is_tried_no_further(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Two control points and rough positions of a telephone: each adjustment after the second said the same."""
     tilt = OpenCombination("rotation about X of the whole block", frozenset({"tilt"}), True)
-    weak_image = OpenCombination("X0 of image 1", unknowns=(("X0", POSE),))
+    weak_image = OpenCombination("X0 of image 1", unknowns=(("X0", POSE),), counts=(1,))
+    heights = OpenCombination("Z0 of 3 with c", unknowns=(("Z0", POSE), ("c", "camera")), counts=(3, 1))
     starts = []
 
     def adjustments(*combinations: OpenCombination) -> int:
@@ -122,12 +125,12 @@ def test_a_datum_that_a_second_start_leaves_open_too_is_tried_no_further(monkeyp
         monkeypatch.setattr(from_afar, "adjust_bundle", adjusted)
         monkeypatch.setattr(from_afar, "start_in_space", lambda inputs, *_: inputs)
         monkeypatch.setattr(from_afar, "has_shapes", lambda _: False)
-        inputs: Any = SimpleNamespace(rays=(), observed=())
+        inputs: Any = SimpleNamespace(rays=(), observed=(), image_ids=["1", "2", "3", "4"])
         with pytest.raises(GeometryError, match="no convergence"):
             from_afar.adjust_bundle_from_afar(inputs, BundleSettings())
         return len(starts)
 
-    assert adjustments(tilt) == 2
+    assert adjustments(tilt) == adjustments(heights) == 2
     assert adjustments(tilt, weak_image) == adjustments(weak_image) == 5
 
 

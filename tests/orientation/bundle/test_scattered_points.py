@@ -141,12 +141,11 @@ COMBINATIONS = {
         "Z0 of image i1 and 4 more", unknowns=(("Z0", POSE), ("c", "camera")), counts=(5, 1)
     ),
     "an image": OpenCombination("Z0 of image i1", unknowns=(("Z0", POSE), ("c", "camera")), counts=(1, 1)),
+    "what images share": OpenCombination("c with k1", unknowns=(("c", "camera"), ("k1", "camera")), counts=(1, 1)),
 }
 
 
-@pytest.mark.parametrize(
-    ("what", "exact"), [("whole", True), ("whole", False), ("most images", True), ("an image", True)]
-)
+@pytest.mark.parametrize(("what", "exact"), [("whole", False), *((what, True) for what in COMBINATIONS)])
 def test_no_image_is_left_out_on_trial_where_all_of_them_are_open(what: str, exact: bool) -> None:
     failure, adjusted = OpenError("open", combinations=[COMBINATIONS[what]], exact=exact), list[BundleInput]()
 

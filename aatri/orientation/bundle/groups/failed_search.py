@@ -10,7 +10,7 @@ them on: the search is made without them, as if they were not measured, and they
 An image whose points have others' numbers bends a small block until nothing stands out. Where sigma0 is beyond what is
 refused, or nothing converges, each image is left out on trial; if the block fits without one, and never with it, the
 search is made again as if this one had not been measured. So it is with an image that is open on the way only. What no
-observation determines of the whole, or of most images, is as open without one: no image is tried.
+observation determines of the whole, of most images, or of what images share, is as open without one: none is tried.
 
 Before that least squares of all observations may fit them. Without some observations, or by other weights, weak points
 may run away, and with them the search. Nothing calls for rejections where sigma0 of least squares is not above what
@@ -24,7 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.openness.open_directions import OpenError
+from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0, sigma0_interval
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import AatriError, ConvergenceError, GeometryError
@@ -35,6 +35,7 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
+from aatri.orientation.bundle.from_afar import is_of_most
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.orientation.bundle.result import AT_INFINITY, BundleResult, distance_tests, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock, with_readmission
@@ -75,15 +76,18 @@ def searched_again(
 
 
 def _is_open_without_any_image(block: BundleInput, failure: AatriError) -> bool:
-    """Whether what is open is of the whole, or of most images: that it is with fewer image points, too."""
+    """Whether what is open is of the whole, of most images or of none: that it is with fewer image points, too."""
     return (
         isinstance(failure, OpenError)
         and failure.exact
-        and any(
-            c.of_whole or any(g == POSE and 2 * n > len(block.image_ids) for (_, g), n in zip(c.unknowns, c.counts))
-            for c in failure.combinations
-        )
+        and any(is_of_most(c, len(block.image_ids)) or _is_of_no_image(c) for c in failure.combinations)
     )
+
+
+def _is_of_no_image(combination: OpenCombination) -> bool:
+    """Whether only unknowns are open that images share, which are left when an image goes."""
+    groups = {group for _, group in combination.unknowns}
+    return bool(groups) and groups.isdisjoint((POSE, POINT))
 
 
 def _with_all_images(
