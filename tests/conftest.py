@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from aatri.pipeline.methods import compile_kernels
 from aatri.pipeline.methods.kernel_cache import use_kernel_cache
 
 # as Python does unless it is told otherwise: else each of the hundreds of processes of the tests compiles all modules
@@ -32,6 +33,15 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Mon
     base = tmp_path_factory.getbasetemp()
     of_run = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     monkeypatch.setenv("XDG_CACHE_HOME", str(of_run / "cache"))
+
+
+@pytest.fixture(autouse=True)
+def _no_helper_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kernels are compiled and stages imported here: what `check` and `new` ask of another process is done here, too.
+
+    That they ask it is seen by `test_where_nothing_is_compiled_yet_nothing_is_compiled`.
+    """
+    monkeypatch.setattr(compile_kernels, "without_compiler", lambda function, *arguments: function(*arguments))
 
 
 @pytest.fixture(autouse=True)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from aatri.pipeline.plan.graph import StageNode
     from aatri.pipeline.spec.pipeline_file import Spec
 
+    _Wired = tuple[Spec, tuple[StageNode, ...]]
+
 BYTES_EACH = 30_000
 BYTES_PER_IMAGE_POINT = {"ImagePoints": 55, "Models": 85, "Strips": 85, "Solution": 125, "Evaluation": 15}
 """Room of a result by its kind, one is kept of each stage: measured at the demo (255 film images, 18,045 image points,
@@ -96,27 +98,31 @@ def _checks(request: Request) -> Iterator[_Check]:
     from aatri.pipeline.methods.compile_kernels import without_compiler
 
     spec, local = read_request(request)
-    wired, pipeline = _tried("pipeline", lambda: without_compiler(_wired, spec, request, local))
-    if wired is not None:
-        pipeline.detail = amounts({"stages": len(wired[1])})
-    yield pipeline
-    if spec.variants and not request.variant:
-        yield without_compiler(_variants, spec, request, local)
-    if wired is not None:
-        _, packages = _tried("packages", lambda: _import(wired[1], local))
-        yield packages
-    if wired is None:  # then at least the block, where its own stage is in order
-        bare = replace(spec, stages=spec.sources, gates={})
-        wired, _ = _tried("", lambda: without_compiler(_wired, bare, replace(request, set_=(), use=()), local))
+    planned, wired, in_order = without_compiler(_planned, spec, request, local)
+    yield from planned
     made: list[Mapping[str, Any]] = []
     if wired is not None:
         block, made = _read(wired[0], wired[1], local)
         block.warnings += _without_start(wired[1], {record["stage"]: record["metrics"] for record in made})
         yield block
-    done = wired is not None and pipeline.error is None and _is_done(*wired)
+    done = wired is not None and in_order and _is_done(*wired)
     disk = _Check("disk", "nothing to write: all stages are up to date")
     yield disk if done else _disk(spec, wired[1] if wired is not None else (), made)
     yield _tried("lock", lambda: _lock(spec.run, done=done))[1]
+
+
+def _planned(spec: Spec, request: Request, local: Path | None) -> tuple[list[_Check], _Wired | None, bool]:
+    """The checks that import stages; the wired pipeline, at least what reads the block; and whether it is all of it."""
+    wired, pipeline = _tried("pipeline", lambda: _wired(spec, request, local))
+    if wired is not None:
+        pipeline.detail = amounts({"stages": len(wired[1])})
+    checks = [pipeline]
+    if spec.variants and not request.variant:
+        checks.append(_variants(spec, request, local))
+    if wired is not None:
+        return [*checks, _tried("packages", lambda: _import(wired[1], local))[1]], wired, True
+    bare = replace(spec, stages=spec.sources, gates={})
+    return checks, _tried("", lambda: _wired(bare, replace(request, set_=(), use=()), local))[0], False
 
 
 def _tried(name: str, call: Callable[[], Any]) -> tuple[Any, _Check]:
@@ -127,7 +133,7 @@ def _tried(name: str, call: Callable[[], Any]) -> tuple[Any, _Check]:
         return None, _Check(name, error=error)
 
 
-def _wired(spec: Spec, request: Request, local: Path | None) -> tuple[Spec, tuple[StageNode, ...]]:
+def _wired(spec: Spec, request: Request, local: Path | None) -> _Wired:
     from aatri.cli.arguments.planning import wired
     from aatri.pipeline.methods.catalogue import Catalogue
 

@@ -6,6 +6,8 @@ import errno
 import json
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -40,6 +42,23 @@ def test_a_project_in_order_is_read_and_left_alone(project: Path) -> None:
     assert "15 images, 67 points, 419 image points" in result.stdout
     assert "nothing that a run would refuse" in result.stdout
     assert sorted(project.rglob("*")) == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arguments", [("check", "project"), ("new", "made", "--from", "project/quarry")])
+def test_where_nothing_is_compiled_yet_nothing_is_compiled(
+    project: Path, tmp_path: Path, arguments: tuple[str, ...]
+) -> None:
+    """A check of a fresh environment compiled all kernels, one after the other, for half a minute."""
+    code = "import sys\nfrom aatri.cli.main import app\ntry: app()\nfinally: print('numba' in sys.modules)"
+    caches = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+    environment = {**os.environ, **caches, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, "-c", code, *arguments]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith("False\n")
+    assert ("nothing that a run would refuse" in done.stdout) == (arguments[0] == "check")
+    assert not [*tmp_path.rglob("*.nbi")]
 
 
 @pytest.mark.slow
