@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -181,11 +182,17 @@ def test_of_more_folders_than_are_kept_the_oldest_are_removed(tmp_path: Path, mo
     assert {p.name for p in (tmp_path / "numba").iterdir()} == {*names, "other-0", "other-1"}
 
 
+@cache
+def reader_of_all() -> CodeReader:
+    """What one variant reaches of the library the other one does, too: it is read once."""
+    return CodeReader(Cache(None))
+
+
 @pytest.mark.slow(after=1)
 @pytest.mark.parametrize(("variant", "at_once"), [("dependent", False), ("essential", True)])
 def test_kernels_that_few_blocks_need_are_compiled_when_one_does(variant: str, at_once: bool) -> None:
     path = PACKAGE.parent / "stages" / "relative_orientation" / f"{variant}.py"
-    code = CodeReader(Cache(None)).code_of(f"aatri.stages.relative_orientation.{variant}", path)
+    code = reader_of_all().code_of(f"aatri.stages.relative_orientation.{variant}", path)
     assert CONSENSUS in kernels_of([code])
     assert (CONSENSUS in kernels_of([code], at_once=True)) == at_once
 
