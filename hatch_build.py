@@ -2,7 +2,8 @@
 
 They fit the Python, Numba and system of the build, and x86-64 processors with AVX2 (`GENERIC` of
 `aatri/pipeline/methods/kernel_cache.py`). Where something else is met they are left alone, and the first run compiles.
-Building a wheel therefore needs what aatri needs at run time, and takes a minute; an editable installation does not.
+Building a wheel therefore needs what aatri needs at run time. It compiles what the cache of this machine has not, for a
+minute at most; an editable installation does not.
 """
 
 from __future__ import annotations

@@ -136,7 +136,7 @@ def wired(spec: Spec, request: Request, catalogue: Catalogue) -> tuple[Spec, tup
 def _compilation(spec: Spec, request: Request, catalogue: Catalogue, *, quiet: bool) -> Compilation | None:
     """Begin to compile what stages reach, where that has not been done on this machine and the wheel has it not."""
     from aatri.pipeline.methods.compile_kernels import Compilation, kernels_of, missing
-    from aatri.pipeline.methods.kernel_cache import remove_unused, take_carried, use_kernel_cache
+    from aatri.pipeline.methods.kernel_cache import CARRIED, copy_compiled, remove_unused, use_kernel_cache
 
     folder = use_kernel_cache()
     if folder is None:
@@ -147,7 +147,7 @@ def _compilation(spec: Spec, request: Request, catalogue: Catalogue, *, quiet: b
     remove_unused(folder, kernels)
     if not (lacking := missing(kernels)):
         return None
-    take_carried(lacking)
+    copy_compiled(lacking, CARRIED, folder)
     if not (lacking := missing(kernels_of(codes, at_once=True))):  # others are compiled when a block needs them
         return None
     if not quiet:

@@ -20,8 +20,8 @@ from aatri.pipeline.methods.kernel_cache import (
     FEATURES,
     GENERIC,
     PROCESSOR,
-    VARIABLE,
     code_of,
+    copy_compiled,
     is_compiled,
     use_kernel_cache,
 )
@@ -44,20 +44,28 @@ def missing(kernels: Mapping[str, Path]) -> dict[str, Path]:
 
 
 def compile_all(folder: Path) -> None:
-    """Compile every kernel module of aatri for the processor `GENERIC` into a folder, for a wheel to carry.
+    """Every kernel module of aatri, compiled for the processor `GENERIC`, into a folder, for a wheel to carry.
+
+    What the cache of this machine has is copied, the rest is compiled into it before.
 
     Raises
     ------
     Exception
         What stands in the way of a module.
     """
-    os.environ |= {VARIABLE: str(folder), PROCESSOR: GENERIC, FEATURES: ""}
-    use_kernel_cache()
-    files = [file for file in PACKAGE.glob("**/kernels/*.py") if file.stem != "__init__"]
-    kernels = {".".join(("aatri", *file.relative_to(PACKAGE).with_suffix("").parts)): file for file in files}
-    Compilation(kernels).wait()
+    os.environ |= {PROCESSOR: GENERIC, FEATURES: ""}
+    cache = use_kernel_cache()
+    kernels = _all_kernels()
+    Compilation(missing(kernels)).wait()
     for module in missing(kernels):
         importlib.import_module(module)
+    assert cache is not None, "without Numba no module can be imported"
+    copy_compiled(kernels, cache, folder)
+
+
+def _all_kernels() -> dict[str, Path]:
+    files = [file for file in PACKAGE.glob("**/kernels/*.py") if file.stem != "__init__"]
+    return {".".join(("aatri", *file.relative_to(PACKAGE).with_suffix("").parts)): file for file in files}
 
 
 def without_compiler(function: Callable[..., R], *arguments: object) -> R:

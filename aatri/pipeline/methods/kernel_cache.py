@@ -127,15 +127,17 @@ def _reader() -> CodeReader:
     return CodeReader(Cache(cache_name("codes", PACKAGE)))
 
 
-def take_carried(kernels: Mapping[str, Path]) -> None:
-    """Copy the compiled code of kernel modules that the wheel carries into the cache; the others are left out."""
-    folder = Path(os.environ[VARIABLE])
+def copy_compiled(kernels: Mapping[str, Path], source: Path, target: Path) -> None:
+    """Copy the compiled code of kernel modules from one folder of such code into another, as far as it is there.
+
+    So a run takes into the cache what a wheel carries (`CARRIED`), and a wheel what the cache has.
+    """
     for name in {folder_name(module, file) for module, file in kernels.items()}:
-        if (CARRIED / name).is_dir():
-            copy = temporary_name(folder / name)
+        if (source / name).is_dir():
+            copy = temporary_name(target / name)
             with contextlib.suppress(OSError):
-                shutil.copytree(CARRIED / name, copy)
-                copy.rename(folder / name)  # fails where another process has been faster
+                shutil.copytree(source / name, copy)
+                copy.rename(target / name)  # fails where another process has been faster
             shutil.rmtree(copy, ignore_errors=True)
 
 

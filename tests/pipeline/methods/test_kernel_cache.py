@@ -17,7 +17,7 @@ import pytest
 
 pytest.importorskip("numba")
 
-from aatri.pipeline.methods import kernel_cache
+from aatri.pipeline.methods import compile_kernels, kernel_cache
 from aatri.pipeline.methods.code_digest import PACKAGE, CodeReader
 from aatri.pipeline.methods.compile_kernels import Compilation, kernels_of, missing
 from aatri.pipeline.methods.kernel_cache import folder_name, is_compiled, remove_unused, use_kernel_cache
@@ -111,7 +111,7 @@ def test_what_a_wheel_carries_is_not_compiled_unless_something_differs(
     assert _called(tmp_path / "built", tmp_path / "carried") == "7.0 0"
     monkeypatch.setattr(kernel_cache, "CARRIED", tmp_path / "carried")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
-    kernel_cache.take_carried(kernels)
+    kernel_cache.copy_compiled(kernels, kernel_cache.CARRIED, Path(os.environ[kernel_cache.VARIABLE]))
     assert missing(kernels) == {}
     assert _called(tmp_path / "built", tmp_path / "numba") == "7.0 1"
     assert sorted(p.name for p in (tmp_path / "numba").iterdir()) == sorted(
@@ -120,9 +120,31 @@ def test_what_a_wheel_carries_is_not_compiled_unless_something_differs(
     folder_name.cache_clear()
     monkeypatch.setattr(kernel_cache, "_compiler", lambda: ("99.0",))
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "later"))
-    kernel_cache.take_carried(kernels)
+    kernel_cache.copy_compiled(kernels, kernel_cache.CARRIED, Path(os.environ[kernel_cache.VARIABLE]))
     assert missing(kernels) == kernels
     folder_name.cache_clear()
+
+
+@pytest.mark.slow
+def test_a_wheel_carries_what_the_cache_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A toy library whose kernels have been compiled: building its wheel compiles none of them again."""
+    kernels = _clone(tmp_path, 2.0)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for name, value in (("NUMBA_CACHE_DIR", str(tmp_path / "numba")), (kernel_cache.PROCESSOR, kernel_cache.GENERIC)):
+        monkeypatch.setenv(name, value)
+    monkeypatch.setenv(kernel_cache.FEATURES, "")
+    folder_name.cache_clear()
+    kernel_cache._compiler.cache_clear()
+    assert _called(tmp_path, tmp_path / "numba") == "7.0 0"
+    asked = list[dict[str, Path]]()
+    monkeypatch.setattr(compile_kernels, "_all_kernels", lambda: kernels)
+    monkeypatch.setattr(compile_kernels, "Compilation", lambda of: asked.append(of) or SimpleNamespace(wait=bool))
+    compile_kernels.compile_all(tmp_path / "compiled")
+    assert asked == [{}]
+    names = [sorted(p.name for p in (tmp_path / folder).iterdir()) for folder in ("compiled", "numba")]
+    assert names[0] == names[1]
+    folder_name.cache_clear()
+    kernel_cache._compiler.cache_clear()
 
 
 @pytest.mark.slow
