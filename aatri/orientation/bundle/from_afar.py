@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
-from aatri.arrays import Bool
+from aatri.arrays import Bool, finite_rows
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.ids import shown
 from aatri.observations.observed import Observed
@@ -37,6 +37,9 @@ FAR_SIGMA0 = 3.0
 
 SAME = 1e-6
 """Costs that agree within this share are those of the same minimum."""
+
+ALIKE = 1e-6
+"""Starts whose rotations agree within so many radians, and places within this share of the block, are the same one."""
 
 TRIALS = ((1e3, True), (1e3, False), (1.0, True), (1.0, False))
 """Factor on the standard deviations of the image points in object space; whether rotations are held at first."""
@@ -111,10 +114,15 @@ def _best_restart(
             reporter.log(f"start without relative control: {error.what}")
         if _trusted(inputs, best, restarted=True):
             return best
+    tried: tuple[BundleInput, BundleResult | AatriError] | None = None
     for factor, rotations_held in TRIALS if inputs.rays is not None else ():
         try:
             trial_start = start_in_space(inputs, factor, rotations_held)
-            trial = adjust_bundle(trial_start, settings, reporter=reporter)
+            if tried is None or not _are_alike(tried[0], trial_start):
+                tried = trial_start, _outcome(trial_start, reporter, settings)
+            trial = tried[1]
+            if isinstance(trial, AatriError):
+                raise trial
         except (ConvergenceError, GeometryError) as error:
             reporter.log(f"start by object space, sigmas of the image points times {factor:g}: {error.what}")
             if best is None and left_open and left_open == _left_open(inputs, error):
@@ -128,6 +136,24 @@ def _best_restart(
         if same_minimum and not _rank(inputs, best)[0]:
             break
     return _resected(inputs, best, reporter, settings)
+
+
+def _outcome(start: BundleInput, reporter: Reporter, settings: BundleSettings) -> BundleResult | AatriError:
+    """What an adjustment from a start gives, or why it gives nothing."""
+    try:
+        return adjust_bundle(start, settings, reporter=reporter)
+    except (ConvergenceError, GeometryError) as error:
+        return error
+
+
+def _are_alike(start: BundleInput, other: BundleInput) -> bool:
+    """Whether two starts differ by so little that they lead to the same."""
+    centres_m = start.poses.position_m[finite_rows(start.poses.position_m)]
+    extent_m = float(np.ptp(centres_m, axis=0).max()) if len(centres_m) else 0.0
+    places = ((start.poses.position_m, other.poses.position_m), (start.xyz_m, other.xyz_m))
+    return all(np.allclose(a, b, rtol=0.0, atol=ALIKE * extent_m, equal_nan=True) for a, b in places) and np.allclose(
+        start.poses.ground_from_image, other.poses.ground_from_image, rtol=0.0, atol=ALIKE, equal_nan=True
+    )
 
 
 def is_of_most(combination: OpenCombination, n_images: int) -> bool:

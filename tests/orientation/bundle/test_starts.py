@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pytest
 
-from aatri.errors import ConvergenceError, GeometryError
+from aatri.errors import GeometryError
 from aatri.geometry.rotations import exp_rotation, rotation_from_angles
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.object_space import object_space_records
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.positions import Positions
-from aatri.orientation.bundle import from_afar
 from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.result import BundleResult
-from aatri.orientation.bundle.settings import BundleSettings
 from aatri.orientation.bundle.space_start import images_turned_over
-from aatri.progress import SILENT
 from tests.campaigns.convergence_basin import disturbed, well_posed, without_positions
 from tests.campaigns.kinds import TOGETHER, one_block
 from tests.orientation.bundle.made_bundle import made_bundle
@@ -103,51 +99,6 @@ def test_a_cylinder_begins_at_the_axis_that_fits_its_points_and_its_radius() -> 
     """Another one, through points a few decimetres off, has a minimum of its own."""
     found = one_block(TOGETHER, 3)
     assert 0.9 < found.squares / found.redundancy < 1.1
-
-
-# Which of the results of several starts counts.
-
-
-def _result(cost: float, over: int = 0) -> SimpleNamespace:
-    return SimpleNamespace(adjusted=SimpleNamespace(cost=cost, sigma0=9.0, history=()), over=np.arange(3) < over)
-
-
-def _best(monkeypatch: pytest.MonkeyPatch, first: Any, found: list[Any]) -> Any:
-    """The best of a first result and of those of the starts by object space, none of them to be trusted at once."""
-    ends = iter(found)
-
-    def adjusted(*_: Any, **__: Any) -> Any:
-        end = next(ends)
-        if end is None:
-            raise ConvergenceError("no")
-        return end
-
-    monkeypatch.setattr(from_afar, "adjust_bundle", adjusted)
-    monkeypatch.setattr(from_afar, "start_in_space", lambda given, *_: given)
-    monkeypatch.setattr(from_afar, "has_shapes", lambda _: False)
-    monkeypatch.setattr(from_afar, "turned_over", lambda _, result: result.over)
-    monkeypatch.setattr(from_afar, "_resected", lambda _, best, *__: best)
-    given: Any = SimpleNamespace(rays=(), observed=())
-    return from_afar._best_restart(given, first, SILENT, BundleSettings())
-
-
-def test_the_least_cost_counts_whichever_start_gave_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    costs = [_result(c) for c in (7.0, 3.0, 5.0, 4.0)]
-    assert _best(monkeypatch, _result(6.0), costs) is costs[1]
-    kept = _result(2.0)
-    assert _best(monkeypatch, kept, costs) is kept
-    assert _best(monkeypatch, None, [None, *costs[:3]]) is costs[1]
-
-
-def test_images_turned_over_count_before_the_cost(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Over flat ground the residuals of images turned over are as small as the right ones."""
-    sound = _result(9.0)
-    ends = [_result(1.0, over=2), sound, _result(0.5, over=1), _result(10.0)]
-    assert _best(monkeypatch, _result(0.1, over=3), ends) is sound
-
-
-def test_without_any_result_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert _best(monkeypatch, None, [None] * 4) is None
 
 
 # Starts from object space: exact conditions, images turned over, and what the direct adjustment cannot do.
