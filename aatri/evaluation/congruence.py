@@ -64,8 +64,6 @@ class Congruence:
     """(m,). Test of each object, its limit, and the probability of a test as large by chance."""
     detectable: Float
     """(m,). Displacement found with 80 % in the direction determined worst."""
-    datum_movement: Float
-    """(f,). t, from the objects that have not moved."""
     stable_statistic: float
     stable_degrees: int
     """Of the test of those that have not moved, int."""
@@ -281,19 +279,6 @@ def _result(
         limits,
         np.array([test.probability(t, len(J)) if ok else np.nan for t, J, ok in zip(statistics, rows, tested)]),
         detectable,
-        _datum_movement(
-            C, H, np.concatenate([np.zeros(0, int), *(rows[k] for k in np.flatnonzero(~is_moved).tolist())]), d
-        ),
         of_stable,
         stable_degrees,
     )
-
-
-def _datum_movement(C: Float, H: Float, rows: Int, d: Float) -> Float:
-    """t by least squares over the stable components."""
-    if not H.shape[1]:
-        return np.zeros(0)
-    H, C = H[rows], C[np.ix_(rows, rows)]
-    regular = C + (H * (np.trace(C) / np.einsum("ni,ni->", H, H))) @ H.T  # along H weights do not matter
-    U = np.linalg.solve(regular, H)
-    return np.asarray(np.linalg.lstsq(H.T @ U, U.T @ d[rows], rcond=None)[0])
