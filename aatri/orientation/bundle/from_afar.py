@@ -114,13 +114,13 @@ def _best_restart(
             reporter.log(f"start without relative control: {error.what}")
         if _trusted(inputs, best, restarted=True):
             return best
-    tried: tuple[BundleInput, BundleResult | AatriError] | None = None
+    last_trial: tuple[BundleInput, BundleResult | AatriError] | None = None
     for factor, rotations_held in TRIALS if inputs.rays is not None else ():
         try:
             trial_start = start_in_space(inputs, factor, rotations_held)
-            if tried is None or not _are_alike(tried[0], trial_start):
-                tried = trial_start, _outcome(trial_start, reporter, settings)
-            trial = tried[1]
+            if last_trial is None or not _are_alike(last_trial[0], trial_start):
+                last_trial = trial_start, _outcome(trial_start, reporter, settings)
+            trial = last_trial[1]
             if isinstance(trial, AatriError):
                 raise trial
         except (ConvergenceError, GeometryError) as error:
