@@ -120,9 +120,9 @@ def _best_restart(
             trial_start = start_in_space(inputs, factor, rotations_held)
             if last_trial is None or not _are_alike(last_trial[0], trial_start):
                 last_trial = trial_start, _outcome(trial_start, reporter, settings)
-            trial = last_trial[1]
-            if isinstance(trial, AatriError):
-                raise trial
+            if isinstance(outcome := last_trial[1], AatriError):
+                raise outcome
+            trial = outcome
         except (ConvergenceError, GeometryError) as error:
             reporter.log(f"start by object space, sigmas of the image points times {factor:g}: {error.what}")
             if best is None and left_open and left_open == _left_open(inputs, error):
