@@ -141,6 +141,11 @@ FEWEST_OF_MOST = 4
 ENOUGH_CONTROL = 3
 """Other control points without which an adjustment cannot leave out two: the datum takes three."""
 
+MIRRORED_BETTER, NOT_MIRRORED = 0.25, 1e-4
+"""Share of the squares of residuals that a mirror image leaves of those of a similarity where two images see the ground
+from opposite sides: half of the residuals, while heights and tilts of aerial images leave a tenth. Probability that
+points of different numbers say so somewhere in a block."""
+
 FAR_OFF, MISFIT, MOST_MISFITS, FEWEST_FITTING, NOT_EXCHANGED = 3.0, 1.3, 12, 6, 1e-4
 """Film images that are off by so many times what images of the better quarter are: beyond the first their neighbours
 may be bent too, beyond the second they may have another's marks. As many as the third are tried, the worst: more are no

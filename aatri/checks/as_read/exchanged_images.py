@@ -17,74 +17,17 @@ all along are of a camera that swings to and fro, and in order.
 Source: McNemar 1947 (sign test of correlated proportions).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.special import bdtrc
 
 from aatri.adapters.imported import read_at
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
-from aatri.checks.as_read.measured_twice import of_image_and_point
+from aatri.checks.as_read.images_in_strips import ImagesInStrips, images_in_strips
 from aatri.checks.finding import Finding
-from aatri.checks.limits import COMPARED_POINTS, FEWEST_ACROSS, NEARER, NOT_EXCHANGED
+from aatri.checks.limits import FEWEST_ACROSS, NEARER, NOT_EXCHANGED
 from aatri.ids import printable
-
-Complex = npt.NDArray[np.complex128]
-
-
-@dataclass(frozen=True)
-class _Strips:
-    """Images beside each other, and the points that images show, some of them where there are very many."""
-
-    beside: Int
-    """(n, 2). The images before and after each in its strip; -1 none."""
-    strip: Int
-    start: Int
-    """(n + 1,). First image point of each image."""
-    point: Int
-    place_mm: Complex
-    """(k,), x + i y. From the middle of the image; by image and point."""
-
-    def telling(self, image: Int, other: Int) -> Int:
-        """Neighbours of images that are farther from the others, (m, 2); -1 where one is not."""
-        a = self.beside[image]
-        farther = (a >= 0) & (a != other[:, None]) & (self.beside[a] != other[:, None, None]).all(axis=2)
-        return np.where(farther, a, -1)
-
-    def shown(self, image: int) -> tuple[Int, Complex]:
-        """Points of an image, and where they lie."""
-        rows = slice(self.start[image], self.start[image + 1])
-        return self.point[rows], self.place_mm[rows]
-
-    def distance_mm(self, image: int, other: int) -> float:
-        """From the middle of an image to that of another, by their common points."""
-        points, others = self.shown(image), self.shown(other)
-        _, rows, of_other = np.intersect1d(points[0], others[0], return_indices=True)
-        z, w = points[1][rows], others[1][of_other]
-        if len(z) < 2:
-            return float("nan")
-        dz, dw = z - z.mean(), w - w.mean()
-        return float(abs(z.mean() - (dw.conj() @ dz) / max((dw.conj() @ dw).real, 1e-30) * w.mean()))
-
-    def swung(self, exchanged: set[int]) -> Int:
-        """Strips in most of which two images share more than either does with the one between them.
-
-        An exchanged image may be such a one between.
-        """
-        between = np.flatnonzero((self.beside >= 0).all(axis=1))
-        seen = [
-            [self.shown(k)[0] for k in (a, k, b)] for k, (a, b) in zip(between.tolist(), self.beside[between].tolist())
-        ]
-        share = [[len(np.intersect1d(s[i], s[j])) for i, j in ((0, 2), (0, 1), (1, 2))] for s in seen]
-        more = np.array([ends > max(before, after) for ends, before, after in share], dtype=bool)
-        n = int(self.strip.max()) + 1
-        most = np.maximum(
-            0.5 * np.bincount(self.strip[between], minlength=n), np.bincount(self.strip[list(exchanged)], minlength=n)
-        )
-        return np.flatnonzero(np.bincount(self.strip[between], more, n) > most)
 
 
 def exchanged_images(block: Block, xy_mm: Float, usable: Bool) -> list[Finding]:
@@ -98,7 +41,7 @@ def exchanged_images(block: Block, xy_mm: Float, usable: Bool) -> list[Finding]:
     """
     if not (block.images.strip >= 0).any():
         return []
-    strips = _strips_of(block, xy_mm, usable)
+    strips = images_in_strips(block, xy_mm, usable)
     n = int((strips.beside >= 0).any(axis=1).sum())
     judged = [(*_sign_test(strips, *pair), pair) for pair in _pairs_out_of_order(strips)]
     pairs: list[tuple[tuple[int, int], float]] = []
@@ -113,21 +56,7 @@ def exchanged_images(block: Block, xy_mm: Float, usable: Bool) -> list[Finding]:
     return [_finding(block, *pair, p) for pair, p in pairs if not np.isin(strips.strip[list(pair)], swung).any()]
 
 
-def _strips_of(block: Block, xy_mm: Float, usable: Bool) -> _Strips:
-    images, points = block.images, block.image_points
-    order = np.lexsort((images.sequence, images.strip))  # equal ones in the order of their ids, as they are paired
-    order = order[images.active[order] & (images.strip[order] >= 0)]
-    beside = np.full((len(images), 2), -1)
-    following = images.strip[order[1:]] == images.strip[order[:-1]]
-    before, after = order[:-1][following], order[1:][following]
-    beside[after, 0], beside[before, 1] = before, after
-    every = 1 + len(points) // (COMPARED_POINTS * len(images))
-    rows = of_image_and_point(block, usable & (points.point % every == 0))
-    start = np.searchsorted(points.image[rows], np.arange(len(images) + 1))
-    return _Strips(beside, images.strip, start, points.point[rows], xy_mm[rows] @ np.array([1, 1j]))
-
-
-def _pairs_out_of_order(strips: _Strips) -> list[tuple[int, int]]:
+def _pairs_out_of_order(strips: ImagesInStrips) -> list[tuple[int, int]]:
     """Pairs of images that share more with all neighbours of each other than these share with their own."""
     n = len(strips.beside)
     ones = np.ones(len(strips.point), dtype=np.int32)
@@ -151,7 +80,7 @@ def _pairs_out_of_order(strips: _Strips) -> list[tuple[int, int]]:
     return sorted({(min(pair), max(pair)) for pair in zip(i[every & agreed].tolist(), j[every & agreed].tolist())})
 
 
-def _sign_test(strips: _Strips, i: int, j: int) -> tuple[int, float]:
+def _sign_test(strips: ImagesInStrips, i: int, j: int) -> tuple[int, float]:
     """Points in favour of the order, less those against it, and the probability of so many against it.
 
     Probability 1 where a place is in favour.

@@ -3,7 +3,8 @@
 Seen: everything the other checks of this room look for; they are called here, in their order.
 Test: on the tables of a `Block` in which everything else is still active this is repeated until nothing changes:
 
-1. image point outside the image format by more than 5 % of the format -> rejected;
+1. image point outside the image format by more than 5 % of the format -> rejected; image that fits its neighbours only
+   as a mirror image -> rejected;
 2. point seen in one image only, without control and without other observations -> its image points are rejected;
 3. image with fewer than 3 points, without an observed position and without a photograph (`path`), in which points may
    yet be found -> rejected, with its image points.
@@ -19,7 +20,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from aatri.adapters.imported import read_at
-from aatri.arrays import Bool, Int
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, NOT_SEEN, OBSERVED_VALUE, Block
 from aatri.checks.as_read.angles import angles_that_differ
 from aatri.checks.as_read.cameras import camera_figures, cameras_of, distances_by_scale
@@ -32,6 +33,7 @@ from aatri.checks.as_read.exchanged_images import exchanged_images
 from aatri.checks.as_read.frame import outside_of_its_frame
 from aatri.checks.as_read.lever_arms import impossible_lever_arms
 from aatri.checks.as_read.measured_twice import measured_twice, of_image_and_point
+from aatri.checks.as_read.mirrored_images import MIRRORED, mirrored_images
 from aatri.checks.as_read.positions import without_impossible_positions
 from aatri.checks.as_read.rejects import in_order, listed, name_of_image_point, rejected, told_rejects
 from aatri.checks.as_read.unusable_sights import without_unusable_sights
@@ -102,6 +104,8 @@ def screened(
     of_ids = lost_control(block)
     images, points = Rows(block.images.active.copy()), Rows(block.image_points.active.copy())
     points.reject(np.flatnonzero(_outside_format(block) & points.active), OUTSIDE)
+    xy_mm = photo_mm(block)
+    images.reject(mirrored_images(block, xy_mm, points.active & np.isfinite(xy_mm).all(axis=1)), MIRRORED)
     while _reject_round(
         block, images, points, _has_prior(block) if elsewhere is None else _has_prior(block) | elsewhere
     ):
@@ -110,16 +114,16 @@ def screened(
     if any(problem.level == "error" for problem in problems):  # what was set aside before may be why so little is left
         report([*told_rejects(block.rejects), *(p for p in problems if p.level == "error")], reporter)
     report(control_off_the_block(block), reporter)
-    report(_held_against_control(block, points.active), reporter)
+    report(_held_against_control(block, xy_mm, points.active), reporter)
     block = _with_rejects(block, images, points)
     report([*of_copies, *of_ids, *told_rejects(block.rejects)], reporter)
     reporter.log(f"block {block.name}: {amounts(block.metrics())}")
     return block
 
 
-def _held_against_control(block: Block, active: Bool) -> list[Finding]:
+def _held_against_control(block: Block, xy_mm: Float, active: Bool) -> list[Finding]:
     """What positions, control and cameras say against each other, and a line of figures per camera."""
-    xy_mm, camera = photo_mm(block), block.images.camera[block.image_points.image]
+    camera = block.images.camera[block.image_points.image]
     usable, cameras = active & np.isfinite(xy_mm).all(axis=1), cameras_of(block)
     rays = control_rays(block, xy_mm, usable)
     of_ray = block.images.camera[rays.image]

@@ -1,0 +1,76 @@
+"""Images measured from the wrong side: x of all their points has the opposite sign."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tests.reading import read_block
+from tests.small_blocks import Small, flown, measure
+
+
+def set_aside(small: Small, folder: Path) -> list[str]:
+    block = read_block(small.write(folder))
+    return [
+        str(name)
+        for name, reason in zip(block.rejects.id, block.rejects.reason)
+        if "only as a mirror image" in reason and name in block.images.id[~block.images.active]
+    ]
+
+
+def mirror(small: Small, *images: str) -> None:
+    small.rays = {(i, p): xy * [-1.0, 1.0] if i in images else xy for (i, p), xy in small.rays.items()}
+
+
+@pytest.mark.parametrize("images", [("103",), ("101",), ("206",), ("102", "103"), ("102", "205"), ("101", "106")])
+def test_images_that_fit_their_neighbours_mirrored_are_set_aside(tmp_path: Path, images: tuple[str, ...]) -> None:
+    small = flown(2, 6)
+    mirror(small, *images)
+    assert set_aside(small, tmp_path / "b") == list(images)
+
+
+def test_where_as_many_are_mirrored_as_not_nothing_tells_which(tmp_path: Path) -> None:
+    small = flown(1, 4)
+    mirror(small, "102", "103")
+    assert set_aside(small, tmp_path / "b") == []
+
+
+def test_what_all_images_have_in_common_mirrors_none(tmp_path: Path) -> None:
+    small = flown(2, 5)
+    mirror(small, *small.strip)
+    assert set_aside(small, tmp_path / "b") == []
+
+
+def test_points_of_other_numbers_are_no_mirror_image(tmp_path: Path) -> None:
+    for seed in range(12):
+        small, rng = flown(1, 5, seed=seed), np.random.default_rng(seed)
+        seen = small.seen_by("103")
+        moved = dict(zip(seen, rng.permutation([small.rays["103", p] for p in seen])))
+        small.rays |= {("103", p): xy for p, xy in moved.items()}
+        assert set_aside(small, tmp_path / str(seed)) == []
+
+
+@pytest.mark.parametrize("relief_m", [60.0, 200.0])
+@pytest.mark.parametrize("angle_deg", [0.0, 20.0, 35.0])
+def test_heights_and_cameras_that_swing_mirror_none(tmp_path: Path, relief_m: float, angle_deg: float) -> None:
+    """To the sides by turns, over ground that rises to four tenths of the flying height."""
+    for axis in "xy":
+        small, rng = flown(1, 8, relief_m=relief_m, points=25), np.random.default_rng(1)
+        for k, name in enumerate(sorted(small.position_m)):
+            swing = Rotation.from_euler(axis, angle_deg * (-1) ** k, degrees=True)
+            small.rotation[name] = small.rotation[name] @ swing.as_matrix()
+        measure(small, rng)
+        assert set_aside(small, tmp_path / axis) == []
+
+
+def test_points_along_a_line_mirror_none(tmp_path: Path) -> None:
+    """A dike of 10 m along the strip: both fit."""
+    for seed in range(6):
+        small, rng = flown(1, 6), np.random.default_rng(seed)
+        dike = np.column_stack([rng.uniform(-100, 1600, 60), rng.uniform(-5, 5, 60), rng.uniform(0, 10, 60)])
+        small.xyz_m, small.control = {f"p{k}": X for k, X in enumerate(dike)}, {}
+        measure(small, rng)
+        assert set_aside(small, tmp_path / str(seed)) == []
