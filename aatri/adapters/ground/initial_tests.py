@@ -7,12 +7,14 @@ import numpy as np
 
 from aatri.adapters.ground.ground_observed import DISTANCES, Chosen, GroundObserved
 from aatri.adapters.solution import suspect_rows
+from aatri.adjusting.added_variance import observed_components
 from aatri.adjustment.records import times
 from aatri.adjustment.statistics.limits import OFF_SIGMAS
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
+from aatri.errors import GeometryError
 from aatri.geometry.similarity import Similarity
 from aatri.ids import several
 from aatri.notes import Note
@@ -34,6 +36,9 @@ STAGE = "initial_orientation"
 
 LEAST_SIGMA = 1e-6
 """Of what is exact, m or rad."""
+
+SIMILARITY = 7
+"""Parameters of a component on the ground."""
 
 DEFORMED = 5.0
 """Times the standard deviation of its points that a component may be deformed by without a warning."""
@@ -131,6 +136,11 @@ def deformation_notes(oriented: OrientedBody, precision: float, what: str) -> li
     """A component that control and positions do not fit, whatever of them is left out.
 
     `precision` is that of its points, in its unit.
+
+    Raises
+    ------
+    GeometryError
+        If it rests on so few that without any one the datum is open: nothing tells which is wrong.
     """
     expected = precision * oriented.ground_from_body.scale
     tau = oriented.tied.tau_m
@@ -139,6 +149,15 @@ def deformation_notes(oriented: OrientedBody, precision: float, what: str) -> li
     reason = "a wrong principal distance, distortion, unit or id, or several gross errors"
     if row_shift := one_row_off(oriented.places):
         reason = f"{row_shift}; {ONE_ROW}"
+    places, observed = oriented.places, sum(int(observed_components(o).sum()) for o in oriented.tied.problem.ground)
+    if observed - SIMILARITY < places.given.sum(axis=1).max(initial=0):
+        off_m = np.linalg.norm(np.where(places.given, places.xyz - places.observed_m, 0.0), axis=1)
+        named = ", ".join(f"{places.name[k]} {off_m[k]:.2g} m" for k in np.argsort(-off_m, kind="stable"))
+        raise GeometryError(
+            f"{what}: what is observed of it contradicts itself, and is so little that nothing tells what is wrong; "
+            f"off by {named}",
+            remedy=f"check the coordinates, numbers and axes of these, or observe more; {reason} would do it too",
+        )
     text = f"{what}: control and positions fit it only with {tau:.2g} m added to the standard deviations of its "
     return [Note("warning", f"{text}points, {expected:.2g} m: {reason}")]
 

@@ -24,6 +24,9 @@ from aatri.arrays import Float, Int
 
 LIMIT = float(chdtri(1.0, 2.0 * ALARM))
 
+UNTESTED = 0.5
+"""Redundancy up to which nothing tests the others without one record: any of three control points may be wrong."""
+
 _SCALES = np.concatenate([[1.0], np.exp(np.linspace(np.log(0.01), np.log(50.0), 327))])
 """The first is 1. The least is below `NO_ERRORS` of a search, which takes such a class for one without errors."""
 
@@ -83,13 +86,14 @@ def _beyond_chance(g: Float, M: Float) -> float:
 def _gain_of_gross_errors(v: Float, R: Float, record: Int) -> float:
     """What the gross errors of one, two or three records explain, less what chance would: the largest.
 
-    Each is asked for by itself; that the largest is chosen is not charged, in favour of gross errors.
+    Each is asked for by itself; that the largest is chosen is not charged, in favour of gross errors. Infinite where
+    without one nothing tests the others: it explains all there is.
     """
     numbers = np.unique(record)
     of_records = [np.flatnonzero(record == k) for k in numbers]
     candidates = [*of_records, *(rows[[k]] for rows in of_records if len(rows) > 1 for k in range(len(rows)))]
     total, most = 0.0, 0.0
-    for _ in range(min(SMALL_ROOM, len(numbers) - 1)):
+    for count in range(min(SMALL_ROOM, len(numbers) - 1)):
         gains = [_beyond_chance(v[rows], R[np.ix_(rows, rows)]) for rows in candidates]
         rows, gain = candidates[int(np.argmax(gains))], max(gains)
         candidates = [other for other in candidates if record[other[0]] != record[rows[0]]]
@@ -97,4 +101,6 @@ def _gain_of_gross_errors(v: Float, R: Float, record: Int) -> float:
         most = max(most, total)
         by = R[:, rows] @ np.linalg.pinv(R[np.ix_(rows, rows)], 1e-9, hermitian=True)
         v, R = v - by @ v[rows], R - by @ R[rows]
+        if count == 0 and np.trace(R) < UNTESTED:
+            return np.inf
     return most

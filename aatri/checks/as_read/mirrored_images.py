@@ -44,6 +44,8 @@ def mirrored_images(block: Block, xy_mm: Float, usable: Bool) -> Int:
     strips = images_in_strips(block, xy_mm, usable)
     first = np.flatnonzero(strips.beside[:, 1] >= 0)
     first = first[np.lexsort((block.images.sequence[first], block.images.strip[first]))]
+    if not len(first):
+        return first
     second, sides = strips.beside[first, 1], _sides(strips, first)
     mirrored: list[Int] = []
     follows = (second[:-1] == first[1:]) & (sides[1:] != 0) & (sides[:-1] != 0)

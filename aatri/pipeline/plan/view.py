@@ -1,6 +1,7 @@
 """The store as the planner sees it: read only, every file looked at once.
 
-The SHA-256 of an artifact is remembered with its size, times and inode; with `verify` every file is read again.
+The SHA-256 of an artifact is remembered with its size, times and inode, from when it is written on; with `verify` every
+file is read again.
 """
 
 import contextlib
@@ -14,7 +15,7 @@ from aatri.pipeline.plan.graph import StageNode
 from aatri.pipeline.plan.keys import file_digests
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.accept import accepted_key
-from aatri.pipeline.store.cache import Cache, cache_name, file_sha256, of_file
+from aatri.pipeline.store.cache import Cache, cache_name, file_sha256, of_file, put_file
 from aatri.pipeline.store.objects import artifact_file, base_of, object_record, records_of
 from aatri.pipeline.store.records import read_json
 
@@ -80,6 +81,11 @@ class StoreView:
         for option, path in node.files.items():
             digests |= file_digests(option, Path(path), self._digest)
         return digests
+
+    def committed(self, record: Mapping[str, Any]) -> None:
+        """Remember an artifact that this run has just written, with the digest of what was written."""
+        with contextlib.suppress(OSError):
+            put_file(artifact_file(self._run, record).absolute(), self._cache, record["output"]["sha256"])
 
     def save(self) -> None:
         """Keep the digests."""

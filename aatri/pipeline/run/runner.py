@@ -269,6 +269,7 @@ class _Run:
     def _end(self, node: StageNode, outcome: TaskOutcome) -> None:
         if outcome.record is not None:
             self._settle(node.name, outcome.record)
+            self.view.committed(outcome.record)
             self.events.add("stage done", stage=node.name, key=outcome.record["key"],
                             content_digest=outcome.record["output"]["content_digest"])  # fmt: skip
             self.listener.finished(outcome.record)

@@ -4,7 +4,8 @@ A cache is one JSON file that is read whole and replaced whole; of two writers a
 other had found is found again. A damaged or unwritable cache is as good as an empty one.
 
 A file's digest is trusted as long as its size, times and inode are those seen when it was computed, and it was not
-changed so shortly before that a second change within the clock's grain could have gone unseen.
+changed so shortly before that a second change within the clock's grain could have gone unseen. That of a file just
+written is known without reading it again; it is trusted where file times are finer than seconds.
 """
 
 import contextlib
@@ -119,6 +120,19 @@ def of_file(path: Path, cache: Cache, compute: Callable[[Path], Any]) -> Any:
     ):
         cache.put(key, {"stat": state, "seen": seen, "value": value})
     return value
+
+
+def put_file(path: Path, cache: Cache, value: Any) -> None:
+    """Keep what is known of a file that this process or its worker has just written.
+
+    Raises
+    ------
+    OSError
+        If the file is gone.
+    """
+    state = stat_of(path)
+    if state[1] % 1_000_000_000:
+        cache.put(str(path), {"stat": state, "seen": max(state[1:3]) + _GRAIN_NS + 1, "value": value})
 
 
 def stat_of(path: Path) -> list[int]:

@@ -67,9 +67,9 @@ class AttributionInKind:
 
 
 def attributed_in_kind(
-    tested: TestedBlock, undecided: Bool, exchanged: Bool, records: AllRecords, adjust: Adjust
+    tested: TestedBlock, undecided: Bool, exchanged: Bool, records: AllRecords, adjust: Adjust, above_limit: Bool
 ) -> AttributionInKind:
-    """Try what is out against the others of its kind.
+    """Try what is out, and the worst that is used though it is above the limit, against the others of its kind.
 
     Parameters
     ----------
@@ -79,12 +79,14 @@ def attributed_in_kind(
         Left out by it though only some of them are wrong.
     exchanged : (n,) bool
         Left out, and fitting with each other's numbers: these are wrong, whatever else would explain as much.
+    above_limit : (n,) bool
+        Used, as the redundancy of the kind does not answer for so many.
     """
     state = _Attribution(tested, undecided, records, adjust)
     for kind in dict.fromkeys(o.kind for o in records.observed):
         places = [i for i, o in enumerate(records.observed) if o.kind == kind and not is_ray(o)]
         if places:
-            state.try_kind(places, exchanged)
+            state.try_kind(places, exchanged, above_limit)
     return AttributionInKind(state.tested, state.undecided, state.kept, tuple(state.notes))
 
 
@@ -94,10 +96,15 @@ class _Attribution:
         self.undecided, self.kept = np.zeros_like(undecided_before), np.zeros_like(undecided_before)
         self.notes: list[Note] = []
 
-    def try_kind(self, places: list[int], exchanged: Bool) -> None:
-        """Try all of a kind that are out."""
+    def try_kind(self, places: list[int], exchanged: Bool, above_limit: Bool) -> None:
+        """Try all of a kind that are out, and the worst of those above the limit."""
         rows = np.concatenate([np.arange(part.start, part.stop) for i in places for part in [self.records.parts[i]]])
         rejected = rows[self.records.native[rows] & ~self.tested.active[rows] & ~exchanged[rows]]
+        contradicting = rows[self.tested.active[rows] & above_limit[rows]]
+        worst = contradicting[[np.argmax(self.tested.test[contradicting])]] if len(contradicting) else contradicting
+        for row in worst.tolist():
+            if self._is_confusable(places, row):
+                self._try(places, rows, row)
         for row in rejected.tolist() if len(rejected) <= MOST else ():
             if not self.tested.active[row] and not self.undecided[row] and self._is_confusable(places, row):
                 self._try(places, rows, row)

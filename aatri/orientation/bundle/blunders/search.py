@@ -122,7 +122,8 @@ class _Search(ExactCoordinates):
         """The adjusted block, and what was found; `wrong` are exact coordinates that contradict it."""
         tested, use, swapped = searched
         exchanged = self._rows_of(swapped)
-        attribution = attributed_in_kind(tested, self.undecided & ~use, exchanged, self.all, self.adjust)
+        above_limit = use & ((tested.largest_w if tested.low_redundancy else tested.test) > self.options.limit)
+        attribution = attributed_in_kind(tested, self.undecided & ~use, exchanged, self.all, self.adjust, above_limit)
         tested, use = attribution.tested, attribution.tested.active
         rejected = self.all.native & ~use
         undecided = rejected & (self.undecided | attribution.undecided | self._undecidable(tested.result, rejected))
@@ -142,7 +143,7 @@ class _Search(ExactCoordinates):
             tested.low_redundancy,
             tested.largest_w,
             self.rejected_kinds,
-            self.of_datum & use,
+            self.of_datum & use & ~attribution.kept,
         )
         notes = (
             *self.scaling.notes(of_result=self.options.sigmas == "estimated"),
