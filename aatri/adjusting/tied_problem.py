@@ -18,6 +18,9 @@ from aatri.observations.observed import Observed, Spread, full_whitener
 from aatri.observations.poses import POINT, POSE, pose_unknowns
 from aatri.observations.ties import BODY
 
+MOST_NAMED = 3
+"""Coordinates in a message."""
+
 
 @dataclass(frozen=True)
 class TiedProblem:
@@ -126,6 +129,18 @@ class TiedProblem:
             touched = [tied[group][block] for group, block in o.records.touches if group in tied]
             usable.append(np.logical_and.reduce([np.ones(len(o), dtype=bool), *touched]))
         return np.concatenate(usable)
+
+    def farthest_off(self, state: State) -> str:
+        """The points and images that a state misses most, for messages; empty where it misses none."""
+        missed: dict[str, float] = {}
+        for o in (o for o in self.observed if is_coordinates(o) or o.spread is not None):
+            rows = np.arange(len(o))
+            v = np.where(observed_components(o), np.nan_to_num(o.records.evaluate(state, rows)[0]), 0.0)
+            for off_m, image, point in zip(np.linalg.norm(v, axis=1).tolist(), *o.names(rows)):
+                name = f"point {point}" if point else f"image {image}"
+                missed[name] = max(missed.get(name, 0.0), off_m)
+        worst = sorted((name for name in missed if missed[name] > 0), key=lambda name: -missed[name])[:MOST_NAMED]
+        return f"; farthest off: {', '.join(f'{name} {missed[name]:.2g} m' for name in worst)}" if worst else ""
 
 
 def tied_problem(observed: Sequence[Observed], start: State, ids: Mapping[str, Ids], what: str) -> TiedProblem:

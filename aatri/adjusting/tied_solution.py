@@ -233,8 +233,8 @@ def _solved(
         course = course or Course([u for u in problem.unknowns if u.name != POINT])  # points are linear
         full = course.after(full, solved)
     raise ConvergenceError(
-        f"{problem.what} did not converge in {MAX_ITERATIONS} iterations",
-        remedy="look for wrong point numbers in the largest discrepancies; check the principal distance and its unit, "
+        f"{problem.what} did not converge in {MAX_ITERATIONS} iterations{problem.farthest_off(full)}",
+        remedy="check numbers and coordinates of what is farthest off, the principal distance and its unit, "
         "and whether X and Y of the control are exchanged or left-handed against the observed positions",
     )
 
