@@ -35,7 +35,7 @@ def test_all_are_used_as_uncertain_as_they_differ_and_no_image_point_goes(tmp_pa
     d = done.bundle.points.xyz_m[[row[p] for p in new]] - np.array([small.xyz_m[p] for p in new])
     C = done.bundle.points.covariance_m2[[row[p] for p in new]]
     square = np.einsum("ni,ni->n", d, np.linalg.solve(C, d[..., None])[..., 0])
-    assert np.nanmean(square) / 3 < 3.0  # without those of points seen once; one error of 0.5 m, of which all standard deviations know
+    assert np.nanmean(square) / 3 < 3.0  # one error of 0.5 m, of which all standard deviations know
 
 
 def test_the_same_is_said_whatever_the_start(tmp_path: Path) -> None:
