@@ -10,6 +10,7 @@ import yaml
 from typer.testing import CliRunner
 
 import aatri
+from aatri.pipeline.run import items
 from tests.made_photographs import EAST_M, F_PX, HEIGHT, NORTH_M, WIDTH, flown, relief
 
 pytest.importorskip("cv2")
@@ -38,9 +39,16 @@ def test_photographs_give_the_orientations_they_were_taken_with(tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_photographs_beside_a_list_of_control_end_in_what_control_agrees_to(tmp_path: Path) -> None:
-    """A list of OpenDroneMap, in pixels from the centre of the first; control of 5 mm, marks of 0.3 px."""
+def test_photographs_beside_a_list_of_control_end_in_what_control_agrees_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A list of OpenDroneMap, in pixels from the centre of the first; control of 5 mm, marks of 0.3 px.
+
+    The photographs above are looked at in several processes, these in this one.
+    """
     from aatri.cli.main import app
+
+    monkeypatch.setattr(items, "processes_of_a_stage", lambda: 1)
 
     photos, rng = flown(tmp_path / "photos", per_strip=2), np.random.default_rng(3)
     rows = ["EPSG:32632"]
