@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -18,7 +19,7 @@ from aatri.adapters.bundle.information_observed import (
 )
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.suspects import inherited
-from aatri.arrays import Int
+from aatri.arrays import Bool, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.information import Information
@@ -36,6 +37,7 @@ from aatri.observations.kinds.catalogue import options_without_data
 from aatri.observations.observed import ObservationSource
 from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.plugin import Context
@@ -99,11 +101,20 @@ def adjusted_bundle(
         tell([Note("note", "attitudes that are named begin as rejected, and come back where they fit")], context)
         doubted = np.concatenate(named)
         inputs, share = inputs_with(suspects, doubted)
+    left_out, _ = inherited(initial, taken_back=not searched, groups_back=False)
+    staying_out = left_out.verdict != suspects.verdict
     try:
         done, groups, components = adjusted_block(source, inputs, options, context)
+        explained = any(g.group.kind in suspects.kind[staying_out] for g in groups)
+        if staying_out.any() and not explained:
+            with contextlib.suppress(ConvergenceError, GeometryError):
+                others = inputs_with(left_out, doubted)
+                without = adjusted_block(source, others[0], options, context)
+                if without[0].result.adjusted.sigma0 < MUCH_LESS * done.result.adjusted.sigma0:
+                    (done, groups, components), (inputs, share) = without, others
+                    tell([_stays_out(suspects, staying_out)], context)
+                    suspects = left_out
     except (ConvergenceError, GeometryError) as error:
-        left_out, _ = inherited(initial, taken_back=not searched, groups_back=False)
-        staying_out = left_out.verdict != suspects.verdict
         try:
             if not staying_out.any():
                 raise error
@@ -117,9 +128,7 @@ def adjusted_bundle(
             report(exchanged_marks(block, image_points, inputs.poses, inputs.xyz_m), context)
             report(few_oriented(initial) if initial is not None else [], context)
             raise error from None
-        counts = Counter(suspects.kind[staying_out].tolist())
-        text = "no adjustment succeeds with what an earlier stage has left out altogether: what does not fit stays out"
-        tell([Note("warning", text, tuple(f"{n} {kind}" for kind, n in counts.items()))], context)
+        tell([_stays_out(suspects, staying_out)], context)
         suspects = left_out
     if share is not None and not done.result.observations[-1].used.any():
         raise GeometryError(
@@ -154,3 +163,9 @@ def _with_information(
         "this block, counted once"
     )
     return with_information(inputs, share, twice), share
+
+
+def _stays_out(suspects: Suspects, rows: Bool) -> Note:
+    counts = Counter(suspects.kind[rows].tolist())
+    text = "what an earlier stage has left out altogether fits no adjustment here, and stays out"
+    return Note("warning", text, tuple(f"{n} {kind}" for kind, n in counts.items()))

@@ -1,0 +1,24 @@
+"""Positions of which all stand a row off in their table, as the initial orientation finds: the bundle does without."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.campaigns.legal.cell import cell_of
+from tests.campaigns.legal.flight import scene_of
+from tests.campaigns.legal.judged import Ear, read, through
+
+CELL = "control=full positions=all attitudes=none tilt=0 camera=digital parameters=fixed sigmas=right wrong=nothing"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 3])
+def test_what_fits_no_adjustment_and_no_group_stays_out(seed: int) -> None:
+    cell, ear = cell_of(f"{CELL} seed={seed}"), Ear()
+    scene = scene_of(cell)
+    scene.positions_m, scene.positioned = scene.positions_m[1:], scene.positioned[:-1]
+    solution = through(cell, read(scene, ear), "graph", ear)["bundle"]
+    assert any("stand one row off" in text for text in ear.warnings)
+    assert any("left out altogether fits no adjustment here" in text for text in ear.warnings)
+    assert solution.images.oriented.all()
+    assert solution.sigma0 < 1.1
