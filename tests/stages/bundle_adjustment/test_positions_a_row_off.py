@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from aatri.artifacts.solution import Solution
 from tests.campaigns.legal.cell import cell_of
 from tests.campaigns.legal.flight import scene_of
 from tests.campaigns.legal.judged import Ear, read, through
@@ -18,6 +19,7 @@ def test_what_fits_no_adjustment_and_no_group_stays_out(seed: int) -> None:
     scene = scene_of(cell)
     scene.positions_m, scene.positioned = scene.positions_m[1:], scene.positioned[:-1]
     solution = through(cell, read(scene, ear), "graph", ear)["bundle"]
+    assert isinstance(solution, Solution)
     assert any("stand one row off" in text for text in ear.warnings)
     assert any("left out altogether fits no adjustment here" in text for text in ear.warnings)
     assert solution.images.oriented.all()
