@@ -4,7 +4,8 @@ Seen: a single record of zero tilts a block or switches off the others; a receiv
 Test: with m the median of the positions, s 1.4826 times the median distance from it, H the height of m above control,
 
 - a position lies off if it is farther from m in plan than 50 times the larger of s and H;
-- its height is wrong if it is less than H / 10 above control, where the others agree to H / 5 (a higher one is legal);
+- its height is wrong if it is below all control, where the others agree to H / 5 (a higher one is legal, and so is one
+  beside an object whose control stands above it);
 - if all positions are the same, they say nothing of any image.
 
 One may always go, however few there are, and all where all are the same.
@@ -19,7 +20,7 @@ from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.rejects import listed, rejected
 from aatri.checks.finding import Finding
-from aatri.checks.limits import FAR_POSITION, FEWEST_POSITIONS, LEVEL_FLIGHT, LOW_POSITION, SAME_POSITION_M
+from aatri.checks.limits import FAR_POSITION, FEWEST_POSITIONS, LEVEL_FLIGHT, SAME_POSITION_M
 from aatri.ids import several
 from aatri.observations.control import control_of
 from aatri.units import length
@@ -40,9 +41,7 @@ def without_impossible_positions(block: Block, max_share: float) -> tuple[Block,
     """
     control, exterior = control_of(block), block.exterior
     heights: Float = control.xyz_m[control.given[:, 2], 2]
-    reasons = impossible_positions(
-        exterior.position_m, float(np.median(heights)) if len(heights) else block.terrain_height_m
-    )
+    reasons = impossible_positions(exterior.position_m, heights if len(heights) else np.array([block.terrain_height_m]))
     if not reasons:
         return block, []
     rows, reasons_of_rows = np.array(list(reasons)), list(reasons.values())
@@ -62,15 +61,15 @@ def without_impossible_positions(block: Block, max_share: float) -> tuple[Block,
     return replace(rejected(block, "exterior", exterior, rows.tolist(), names, reasons_of_rows), exterior=kept), []
 
 
-def impossible_positions(position_m: Float, control_height_m: float) -> dict[int, str]:
+def impossible_positions(position_m: Float, control_height_m: Float) -> dict[int, str]:
     """Rows of positions that cannot be right, with the reason.
 
     Parameters
     ----------
     position_m : (n, 3) float64, m
         NaN not known.
-    control_height_m : float
-        Median height of the control points; NaN not known.
+    control_height_m : (m,) float64, m
+        Heights of the control points, or that of the terrain; NaN not known.
     """
     rows = np.flatnonzero(np.isfinite(position_m).all(axis=1))
     if len(rows) < FEWEST_POSITIONS:
@@ -80,7 +79,7 @@ def impossible_positions(position_m: Float, control_height_m: float) -> dict[int
         return {int(row): f"{THE_SAME} {several(len(rows), 'image')}" for row in rows}
     middle = np.median(xyz, axis=0)
     spread = 1.4826 * np.median(np.abs(xyz - middle), axis=0)
-    above = max(0.0, np.nan_to_num(float(middle[2]) - control_height_m))
+    above = max(0.0, np.nan_to_num(float(middle[2] - np.median(control_height_m))))
     off = np.linalg.norm(xyz[:, :2] - middle[:2], axis=1)
     reach = FAR_POSITION * max(float(np.hypot(*spread[:2])), above)
     reasons = {
@@ -88,6 +87,6 @@ def impossible_positions(position_m: Float, control_height_m: float) -> dict[int
         for k in np.flatnonzero((off > reach) & (reach > 0)).tolist()
     }
     if above > LEVEL_FLIGHT * spread[2]:
-        for k in np.flatnonzero(xyz[:, 2] - control_height_m < LOW_POSITION * above).tolist():
+        for k in np.flatnonzero(xyz[:, 2] < control_height_m.min()).tolist():
             reasons.setdefault(k, f"height of {xyz[k, 2]:.4g} m, that of the others is {middle[2]:.4g} m")
     return {int(rows[k]): reason for k, reason in sorted(reasons.items())}

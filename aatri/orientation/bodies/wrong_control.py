@@ -57,8 +57,8 @@ fitted beside the control: so many, evenly taken, show which two are exchanged."
 CLEARLY_UPWARDS = 0.17
 """Sine of the elevation, 10 degrees, above which images look upwards in the mean where the control says so too."""
 
-FEWEST_MIRRORED, CLEARLY = 5, 0.2
-"""Fewer full points say nothing of whether mirrored ones fit better: whether their misfit is less than this share."""
+TRIANGLE, FEWEST_MIRRORED, CLEARLY = 3, 5, 0.2
+"""So many points always fit mirrored. Fewer full points say nothing of whether mirrored ones fit better: whether their misfit is less than this share."""
 
 ONE_ROW = "move the positions in exterior.csv by one row: an image without a position, or a position without an image"
 
@@ -205,7 +205,7 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float |
         Or a GeometryError that names two points with each other's number, where these explain it.
     """
     kept = places.take(used)
-    reason = _mirrored(kept, to, up)
+    reason = _fits_exactly_mirrored(places) or _mirrored(kept, to, up)
     if not reason:
         return
     two = places.name[exchanged_of(places, None if up is None else to.rotation @ up, 3)].tolist()
@@ -218,6 +218,16 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float |
     if not (kept.kind == CONTROL).any():
         remedy = "check which image each id and each position belongs to, and the axes of the positions"
     raise MirroredError(f"{what}: {reason}", remedy=f"{remedy}; check the y axis of the image coordinates (pixel: y)")
+
+
+def _fits_exactly_mirrored(places: GivenPlaces) -> str:
+    """That all control, four points and more, fits mirrored: any three of them do, turned over."""
+    full = places.take(np.flatnonzero(places.given.all(axis=1) & (places.kind == CONTROL)))
+    if len(full.row) <= TRIANGLE:
+        return ""
+    as_it_is, other = (_misfits_m(full, full.observed_m * [1, 1, sign])[1] for sign in (1, -1))
+    fits_m = FLAT * float(np.linalg.norm(np.ptp(full.observed_m, axis=0)))
+    return "control fits it mirrored only" if other < fits_m < CLEARLY * as_it_is else ""
 
 
 def _mirrored(kept: GivenPlaces, to: Similarity, up: Float | None) -> str:
@@ -282,18 +292,7 @@ def one_row_off(places: GivenPlaces) -> str:
 def refuse_wrong(places: GivenPlaces, use: Bool, to: Similarity, up: Float | None, what: str) -> None:
     """Raise if positions one row off, or mirrored control or images, explain why a body does not come to the ground.
 
-    Parameters
-    ----------
-    use : (n,) bool
-        Observations that take part, kind by kind.
-    to : Similarity
-        Ground from body, about.
-    up : (3,) float64, optional
-        Of `refuse_mirrored`.
-
-    Raises
-    ------
-    GeometryError
+    `use`, (n,) bool, are the observations that take part, kind by kind; the others as of `refuse_mirrored`.
     """
     if row_shift := one_row_off(places):
         raise GeometryError(f"{what}: {row_shift}", remedy=ONE_ROW)

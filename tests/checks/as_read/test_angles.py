@@ -185,13 +185,13 @@ STRIP = np.array([[100.0 * k, 3.0 * (k % 2), 900.0 + 5.0 * (k % 3)] for k in ran
 
 @pytest.mark.parametrize("ground", [100.0, np.nan])
 def test_positions_of_a_flight_are_possible(ground) -> None:
-    assert impossible_positions(STRIP, ground) == {}
+    assert impossible_positions(STRIP, np.array([ground])) == {}
 
 
 def test_a_height_of_nothing_and_a_place_of_nothing_are_named() -> None:
     xyz = STRIP + np.array([450_000.0, 5_200_000.0, 0.0])
     xyz[3, 2], xyz[7] = 0.0, 0.0
-    found = impossible_positions(xyz, 100.0)
+    found = impossible_positions(xyz, np.array([100.0]))
     assert list(found) == [3, 7]
     assert "height of 0 m, that of the others is 905 m" in found[3]
     assert "km from the middle of the others" in found[7]
@@ -200,12 +200,19 @@ def test_a_height_of_nothing_and_a_place_of_nothing_are_named() -> None:
 def test_flights_at_two_heights_and_stations_on_the_ground_are_legal() -> None:
     two = STRIP.copy()
     two[6:, 2] = 500.0
-    assert impossible_positions(two, 100.0) == {}
-    assert impossible_positions(STRIP * [1, 1, 0.01], 10.0) == {}  # around an object, at its height
+    assert impossible_positions(two, np.array([100.0])) == {}
+    assert impossible_positions(STRIP * [1, 1, 0.01], np.array([10.0])) == {}  # around an object, at its height
+
+
+def test_images_around_an_object_are_legal_however_few_of_them_are_low() -> None:
+    """Five at the height of a head, two near the ground, control all over a statue of two metres and a half."""
+    angle = np.radians(np.arange(7) * 51.4)
+    xyz = np.column_stack([5.0 * np.cos(angle), 5.0 * np.sin(angle), np.where(np.arange(7) < 5, 2.2, 0.4)])
+    assert impossible_positions(xyz, np.array([0.05, 0.3, 0.6, 2.4])) == {}
 
 
 def test_one_position_for_all_images_is_no_position() -> None:
-    found = impossible_positions(np.tile(STRIP[:1], (5, 1)), 100.0)
+    found = impossible_positions(np.tile(STRIP[:1], (5, 1)), np.array([100.0]))
     assert list(found) == [0, 1, 2, 3, 4]
     assert "of all 5 images" in found[0]
 

@@ -160,6 +160,19 @@ def test_mirrored_control_with_relief_is_refused() -> None:
             judged(12, 20.0, True, seed)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_of_four_points_that_fit_mirrored_none_is_blamed(seed: int) -> None:
+    """Any three of them fit turned over; one of four that is wrong does not make them fit mirrored."""
+    to, one_rejected = Similarity(np.zeros(3), 1.0, np.eye(3)), np.array([True, True, True, False])
+    around = places(4, 400.0, True, seed)
+    with pytest.raises(GeometryError, match="mirrored only"):
+        refuse_mirrored(around, one_rejected, to, None, "body")
+    right = places(4, 400.0, False, seed)
+    wrong = np.where(np.arange(4)[:, None] == 3, [300.0, -200.0, 150.0], 0.0)
+    refuse_mirrored(replace(right, observed_m=right.observed_m + wrong), one_rejected, to, None, "body")
+    refuse_mirrored(right, np.ones(4, dtype=bool), to, None, "body")
+
+
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("error_m", [0.0, 100.0])
 def test_two_control_points_beside_positions_in_a_plane_tell_that_the_body_is_mirrored(
