@@ -58,8 +58,8 @@ CLEARLY_UPWARDS = 0.17
 """Sine of the elevation, 10 degrees, above which images look upwards in the mean where the control says so too."""
 
 TRIANGLE, FEWEST_MIRRORED, CLEARLY = 3, 5, 0.2
-"""So many points always fit mirrored; fewer full points than the second say nothing of whether mirrored ones fit better:
-whether their misfit is less than this share."""
+"""So many points always fit mirrored; fewer full points than the second do not say whether mirrored ones fit better,
+by a misfit of less than this share."""
 
 ONE_ROW = "move the positions in exterior.csv by one row: an image without a position, or a position without an image"
 
