@@ -144,8 +144,8 @@ def _single(
 
 
 def _against_each_other(ids: Sequence[str], xyz: Float, rows: Int, places: Sequence[str]) -> list[Finding]:
-    if len(rows) < 4:
-        return []  # three others span an area
+    if len(rows) < 3:
+        return []
     changed = [change.apply(xyz)[rows, :2] for change in IN_PLAN]
     distances, usual, from_origin = (np.zeros(len(rows)) for _ in range(3))
     off = np.zeros((len(changed), len(rows)))
@@ -157,4 +157,6 @@ def _against_each_other(ids: Sequence[str], xyz: Float, rows: Int, places: Seque
         usual[k] = np.median(off_centre[1:]) * 2  # without the first: of few points it is the centre itself
         distances[k] = np.linalg.norm(xyz[rows[k], :2] - centre)
         off[:, k] = [np.linalg.norm(xy[k] - centre) for xy in changed]
-    return _single(ids, rows, distances, list(off), usual, float(np.median(from_origin)), places)
+    findings = _single(ids, rows, distances, list(off), usual, float(np.median(from_origin)), places)
+    # two others span no area: where they are near to each other the third may be far
+    return findings if len(rows) > 3 else [finding for finding in findings if finding.level == "error"]

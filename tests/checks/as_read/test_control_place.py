@@ -38,6 +38,19 @@ def test_two_near_points_among_four_say_nothing_against_the_others() -> None:
     assert _found(points, np.full_like(STATIONS, np.nan), (control, control), IDS[:4]) == []
 
 
+def test_of_three_points_one_in_another_unit_is_named_and_one_that_is_far_is_not() -> None:
+    """Three points around an object, no positions; a long strip with two points at its one end."""
+    control, nowhere = np.arange(3), np.full_like(STATIONS, np.nan)
+    object_points = np.array([[100.2, 31.8], [134.4, 31.6], [116.6, 44.0]])
+    assert _found(object_points, nowhere, (control, control), IDS[:3]) == []
+    mixed = object_points * [[1000.0], [1.0], [1.0]]
+    (found,) = _found(mixed, nowhere, (control, control), IDS[:3])
+    assert (found.level, found.where) == ("error", "control.csv:2")
+    assert "divided by 1000 it would lie inside" in found.sentence
+    strip = MAP + np.array([[0.0, 0.0], [15.0, 20.0], [9_000.0, 40.0]])
+    assert _found(strip, nowhere, (control, control), IDS[:3]) == []
+
+
 @pytest.mark.parametrize("positions", [True, False])
 def test_one_point_with_x_and_y_swapped_is_named_with_its_distance(positions: bool) -> None:
     local = POINTS - MAP + np.array([3000.0, 9000.0])
