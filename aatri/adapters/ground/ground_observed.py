@@ -177,7 +177,7 @@ def oriented_by(
         except (ConvergenceError, GeometryError) as error:
             failed.append(error)  # attitudes may tell which of three control points is wrong
             continue
-        share = _strain(oriented, body)
+        share = strain(oriented, body)
         if ATTITUDE not in used and ATTITUDE in kinds and drift and share > START:
             strained.append(oriented)
             added = f"{oriented.tied.tau_m:.2g} m, {share:.1%} of the distance between images and points"
@@ -217,7 +217,7 @@ def by_time_offsets(
     return oriented, Note("note", text)
 
 
-def _strain(oriented: OrientedBody, body: FreeBody) -> float:
+def strain(oriented: OrientedBody, body: FreeBody) -> float:
     """What is added to the standard deviations of its points so that all fits, as a share of the images' distance.
 
     That is the median distance of the images from the nearest point, as they may stand around an object or within it.

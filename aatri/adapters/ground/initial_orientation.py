@@ -253,4 +253,4 @@ def _oriented(
         if not by_attitudes and reduced.tied.tau_m == 0 and contradicts(left, reduced.state, settings.limit):
             note = contradiction_note(ground.block, left, reduced.state, kind, what)
             return part(reduced, left), [note, *notes_of(reduced)]
-    return part(seated), [*deformation_notes(seated, precision(component, rays), what), *notes_of(seated)]
+    return part(seated), [*deformation_notes(seated, body, precision(component, rays), what), *notes_of(seated)]

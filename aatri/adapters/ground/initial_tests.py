@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.ground.ground_observed import DISTANCES, Chosen, GroundObserved
+from aatri.adapters.ground.ground_observed import DISTANCES, Chosen, GroundObserved, strain
 from aatri.adapters.solution import suspect_rows
 from aatri.adjusting.added_variance import observed_components
 from aatri.adjustment.records import times
@@ -39,6 +39,10 @@ LEAST_SIGMA = 1e-6
 
 SIMILARITY = 7
 """Parameters of a component on the ground."""
+
+CONTRADICTED = 0.02
+"""Deformation of a component, as a share of the distance of the images, beyond which scarce observations contradict each
+other: a principal distance a fifth off deforms so much over ground that rises by a tenth of the distance."""
 
 DEFORMED = 5.0
 """Times the standard deviation of its points that a component may be deformed by without a warning."""
@@ -132,7 +136,7 @@ def _median_shift(residual: Float) -> str:
     return ", ".join(f"{np.median(axis):.3f}" if len(axis) else "-" for axis in columns)
 
 
-def deformation_notes(oriented: OrientedBody, precision: float, what: str) -> list[Note]:
+def deformation_notes(oriented: OrientedBody, body: FreeBody, precision: float, what: str) -> list[Note]:
     """A component that control and positions do not fit, whatever of them is left out.
 
     `precision` is that of its points, in its unit.
@@ -140,7 +144,8 @@ def deformation_notes(oriented: OrientedBody, precision: float, what: str) -> li
     Raises
     ------
     GeometryError
-        If it rests on so few that without any one the datum is open: nothing tells which is wrong.
+        If it rests on so few that without any one the datum is open, and they are too far off for a bundle to begin:
+        nothing tells which is wrong.
     """
     expected = precision * oriented.ground_from_body.scale
     tau = oriented.tied.tau_m
@@ -150,7 +155,8 @@ def deformation_notes(oriented: OrientedBody, precision: float, what: str) -> li
     if row_shift := one_row_off(oriented.places):
         reason = f"{row_shift}; {ONE_ROW}"
     places, observed = oriented.places, sum(int(observed_components(o).sum()) for o in oriented.tied.problem.ground)
-    if observed - SIMILARITY < places.given.sum(axis=1).max(initial=0):
+    is_scarce = observed - SIMILARITY < places.given.sum(axis=1).max(initial=0)
+    if is_scarce and strain(oriented, body) > CONTRADICTED:
         off_m = np.linalg.norm(np.where(places.given, places.xyz - places.observed_m, 0.0), axis=1)
         named = ", ".join(f"{places.name[k]} {off_m[k]:.2g} m" for k in np.argsort(-off_m, kind="stable"))
         raise GeometryError(

@@ -5,7 +5,8 @@ the linear model exactly, whatever the start, the path and the order (`adjustmen
 gains more it goes instead. If several gain the same nothing tells which is wrong: all go, if the block is determined
 as well without them, else all stay (two contradicting bars: nothing else gives the scale), with standard deviations by
 which they agree: with their own they would bend the block, and its rays would seem wrong. All stay too where they gain
-little; they are named either way.
+little; they are named either way. So it is with the worst of a kind of which more disagrees than its redundancy answers
+for, so that none was rejected: one of three control points.
 
 Only a record that leaves some other of its kind all but untested can be taken for it: with correlation rho of their
 tests gain_j = rho^2 gain_i, and leaving i out takes rho^2 of j's redundancy. The others are clear without that.
