@@ -41,8 +41,8 @@ SIMILARITY = 7
 """Parameters of a component on the ground."""
 
 CONTRADICTED = 0.02
-"""Deformation of a component, as a share of the distance of the images, beyond which scarce observations contradict each
-other: a principal distance a fifth off deforms so much over ground that rises by a tenth of the distance."""
+"""Deformation of a component, as a share of the distance of the images, beyond which scarce observations contradict
+each other: a principal distance a fifth off deforms so much over ground that rises by a tenth of the distance."""
 
 DEFORMED = 5.0
 """Times the standard deviation of its points that a component may be deformed by without a warning."""
