@@ -206,7 +206,7 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float |
         Or a GeometryError that names two points with each other's number, where these explain it.
     """
     kept = places.take(used)
-    reason = _fits_exactly_mirrored(places) or _mirrored(kept, to, up)
+    reason = _mirrored(kept, to, up) or _fits_exactly_mirrored(places)
     if not reason:
         return
     two = places.name[exchanged_of(places, None if up is None else to.rotation @ up, 3)].tolist()
