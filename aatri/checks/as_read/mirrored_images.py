@@ -11,8 +11,8 @@ both ways, and points of different numbers neither.
 Seen: points of one image rejected by the dozen, a strip that falls in two, images that look upwards.
 Test: a pair of neighbours in a strip is mirrored where the mirror image leaves less than `MIRRORED_BETTER` of the
 squares that the similarity leaves, and points that have nothing to do with each other fit so well, (1 - R2')^(n - 2),
-less often than `NOT_MIRRORED` in all pairs of a block; and alike, the other way round. Pairs that say neither divide
-the strip; of each piece the images on the side of most are right.
+less often than `NOT_MIRRORED` in all pairs of a block; and alike, the other way round. Pairs that say neither, as those
+of a comparator's axes and others', divide the strip; of each piece the images on the side of most are right.
 Source: the least squares similarity in complex numbers; R2 of complex normal variables without correlation has the beta
 distribution of 1 and n - 2.
 """
@@ -46,7 +46,8 @@ def mirrored_images(block: Block, xy_mm: Float, usable: Bool) -> Int:
     first = first[np.lexsort((block.images.sequence[first], block.images.strip[first]))]
     if not len(first):
         return first
-    second, sides = strips.beside[first, 1], _sides(strips, first)
+    second, camera = strips.beside[first, 1], block.images.camera
+    sides = np.where(_comparable(block, camera[first], camera[second]), _sides(strips, first), 0)
     mirrored: list[Int] = []
     follows = (second[:-1] == first[1:]) & (sides[1:] != 0) & (sides[:-1] != 0)
     for pairs in np.split(np.arange(len(first)), np.flatnonzero(~follows) + 1):
@@ -55,6 +56,13 @@ def mirrored_images(block: Block, xy_mm: Float, usable: Bool) -> Int:
         other = images[side != np.sign(side.sum())]
         mirrored.append(other if side.all() and side.sum() else other[:0])
     return np.unique(np.concatenate(mirrored)) if mirrored else np.zeros(0, dtype=np.int64)
+
+
+def _comparable(block: Block, first: Int, second: Int) -> Bool:
+    """Pairs of cameras whose axes are known to turn the same way: those of a comparator or a scan may have y down."""
+    cameras = block.cameras
+    has_axes = (cameras.image_coordinates == "photo") | (cameras.kind == "digital")
+    return np.asarray((first == second) | (has_axes[first] & has_axes[second]))
 
 
 def _sides(strips: ImagesInStrips, first: Int) -> Int:

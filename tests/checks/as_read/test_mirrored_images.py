@@ -44,6 +44,36 @@ def test_what_all_images_have_in_common_mirrors_none(tmp_path: Path) -> None:
     assert set_aside(small, tmp_path / "b") == []
 
 
+def test_a_scan_whose_y_points_down_is_not_mirrored_beside_photo_coordinates(tmp_path: Path) -> None:
+    small = flown(1, 6)
+    marks = {"1": (70.0, -70.0), "2": (-70.0, -70.0), "3": (-70.0, 70.0), "4": (70.0, 70.0)}
+    scanned, pixel_mm = ("103", "104"), 0.02
+    small.more_cameras = {
+        "film": {
+            "kind": "film",
+            "image_coordinates": "pixel",
+            "principal_distance": 100.0,
+            "principal_point": [0.0, 0.0],
+            "pixel": {"size": pixel_mm, "origin": "top-left-corner", "y": "down"},
+            "fiducials": {name: list(xy) for name, xy in marks.items()},
+        }
+    }
+
+    def in_scan(xy: np.ndarray) -> np.ndarray:
+        return (np.asarray(xy) * [1.0, -1.0] + 120.0) / pixel_mm
+
+    small.rays = {(i, p): in_scan(xy) if i in scanned else xy for (i, p), xy in small.rays.items()}
+    folder = small.write(tmp_path / "b")
+    images = (folder / "images.csv").read_text()
+    for name in scanned:
+        images = images.replace(f"{name},a,", f"{name},film,")
+    (folder / "images.csv").write_text(images)
+    rows = [f"{i},{name},{x!r},{y!r}" for i in scanned for name, xy in marks.items() for x, y in [in_scan(xy).tolist()]]
+    (folder / "fiducials.csv").write_text("\n".join(["image,fiducial,x,y", *rows, ""]))
+    block = read_block(folder)
+    assert block.images.active.all()
+
+
 def test_points_of_other_numbers_are_no_mirror_image(tmp_path: Path) -> None:
     for seed in range(12):
         small, rng = flown(1, 5, seed=seed), np.random.default_rng(seed)
