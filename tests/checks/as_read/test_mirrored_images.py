@@ -54,6 +54,7 @@ def test_a_scan_whose_y_points_down_is_not_mirrored_beside_photo_coordinates(tmp
             "image_coordinates": "pixel",
             "principal_distance": 100.0,
             "principal_point": [0.0, 0.0],
+            "format": [12000, 12000],
             "pixel": {"size": pixel_mm, "origin": "top-left-corner", "y": "down"},
             "fiducials": {name: list(xy) for name, xy in marks.items()},
         }
