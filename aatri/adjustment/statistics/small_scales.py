@@ -99,8 +99,14 @@ def _gain_of_gross_errors(v: Float, R: Float, record: Int) -> float:
         candidates = [other for other in candidates if record[other[0]] != record[rows[0]]]
         total += gain
         most = max(most, total)
-        by = R[:, rows] @ np.linalg.pinv(R[np.ix_(rows, rows)], 1e-9, hermitian=True)
-        v, R = v - by @ v[rows], R - by @ R[rows]
-        if count == 0 and np.trace(R) < UNTESTED:
+        if count == 0 and np.trace(_without(R, np.flatnonzero(record == record[rows[0]]))[1]) < UNTESTED:
             return np.inf
+        by, R = _without(R, rows)
+        v = v - by @ v[rows]
     return most
+
+
+def _without(R: Float, rows: Int) -> tuple[Float, Float]:
+    """By how much some components change the residuals of all, and the cofactor of these without them."""
+    by = R[:, rows] @ np.linalg.pinv(R[np.ix_(rows, rows)], 1e-9, hermitian=True)
+    return by, R - by @ R[rows]

@@ -13,10 +13,10 @@ from tests.small_blocks import Small, adjusted_by, flown
 THREE = ("C1", "C2", "C4")
 
 
-def with_wrong_control(off_m: float) -> Small:
+def with_wrong_control(off_m: float, direction: tuple[float, float, float] = (0.6, -0.5, 0.6)) -> Small:
     small = flown(2, 5, points=20)
     small.control, small.observed = dict.fromkeys(THREE, "XYZ"), {}
-    small.xyz_m["C2"] = small.xyz_m["C2"] + off_m * np.array([0.6, -0.5, 0.6])
+    small.xyz_m["C2"] = small.xyz_m["C2"] + off_m * np.array(direction)
     return small
 
 
@@ -45,6 +45,14 @@ def test_the_same_is_said_whatever_the_start(tmp_path: Path) -> None:
         for chain in ("graph", "chain")
     ]
     assert texts[0] == texts[1]
+
+
+@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_none_is_blamed_whichever_coordinate_is_wrong(tmp_path: Path, direction: tuple[float, float, float]) -> None:
+    done = adjusted_by("graph", with_wrong_control(0.5, direction).write(tmp_path / "b"))
+    of_control = [warning for warning in done.warnings if warning.startswith("control")]
+    assert all(all(name in warning for name in THREE) for warning in of_control), of_control
+    assert not [warning for warning in done.warnings if "standard deviations do not fit" in warning]
 
 
 def test_what_is_off_by_a_tenth_of_the_block_is_refused_with_the_distances(tmp_path: Path) -> None:
