@@ -47,7 +47,7 @@ happens once in 5e8 (two-sided normal), in a block of 1e6 such points once in 50
 FEWEST_POSITIONS = 4
 """Fewer positions have no middle to be far from."""
 
-FAR_POSITION, LEVEL_FLIGHT, SAME_POSITION_M = 50.0, 5.0, 1e-6
+FAR_POSITION, LOW_POSITION, LEVEL_FLIGHT, SAME_POSITION_M = 50.0, 0.1, 5.0, 1e-6
 """See `as_read.positions`: the longest corridors of the random legal blocks stay below a tenth of the first; rows 56,
 80 and 81 of the bad inputs lie ten times beyond."""
 

@@ -154,9 +154,10 @@ def deformation_notes(oriented: OrientedBody, body: FreeBody, precision: float, 
     reason = "a wrong principal distance, distortion, unit or id, or several gross errors"
     if row_shift := one_row_off(oriented.places):
         reason = f"{row_shift}; {ONE_ROW}"
-    places, observed = oriented.places, sum(int(observed_components(o).sum()) for o in oriented.tied.problem.ground)
-    is_scarce = observed - SIMILARITY < places.given.sum(axis=1).max(initial=0)
-    if is_scarce and strain(oriented, body) > CONTRADICTED:
+    places, ground = oriented.places, oriented.tied.problem.ground
+    own = {u.name: int(u.free.sum()) for o in ground for u in o.unknowns}
+    spare = sum(int(observed_components(o).sum()) for o in ground) - SIMILARITY - sum(own.values())
+    if spare < places.given.sum(axis=1).max(initial=0) and strain(oriented, body) > CONTRADICTED:
         off_m = np.linalg.norm(np.where(places.given, places.xyz - places.observed_m, 0.0), axis=1)
         named = ", ".join(f"{places.name[k]} {off_m[k]:.2g} m" for k in np.argsort(-off_m, kind="stable"))
         raise GeometryError(

@@ -4,8 +4,8 @@ Seen: a single record of zero tilts a block or switches off the others; a receiv
 Test: with m the median of the positions, s 1.4826 times the median distance from it, H the height of m above control,
 
 - a position lies off if it is farther from m in plan than 50 times the larger of s and H;
-- its height is wrong if it is below all control, where the others agree to H / 5 (a higher one is legal, and so is one
-  beside an object whose control stands above it);
+- its height is wrong if it is less than H / 10 above control, where the others agree to H / 5 (a higher one is legal).
+  Around an object, whose control stands more than half as high as the images, it is wrong if it is below all control;
 - if all positions are the same, they say nothing of any image.
 
 One may always go, however few there are, and all where all are the same.
@@ -20,7 +20,7 @@ from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.rejects import listed, rejected
 from aatri.checks.finding import Finding
-from aatri.checks.limits import FAR_POSITION, FEWEST_POSITIONS, LEVEL_FLIGHT, SAME_POSITION_M
+from aatri.checks.limits import FAR_POSITION, FEWEST_POSITIONS, LEVEL_FLIGHT, LOW_POSITION, SAME_POSITION_M
 from aatri.ids import several
 from aatri.observations.control import control_of
 from aatri.units import length
@@ -79,7 +79,8 @@ def impossible_positions(position_m: Float, control_height_m: Float) -> dict[int
         return {int(row): f"{THE_SAME} {several(len(rows), 'image')}" for row in rows}
     middle = np.median(xyz, axis=0)
     spread = 1.4826 * np.median(np.abs(xyz - middle), axis=0)
-    above = max(0.0, np.nan_to_num(float(middle[2] - np.median(control_height_m))))
+    ground_m = float(np.median(control_height_m))
+    above = max(0.0, np.nan_to_num(float(middle[2]) - ground_m))
     off = np.linalg.norm(xyz[:, :2] - middle[:2], axis=1)
     reach = FAR_POSITION * max(float(np.hypot(*spread[:2])), above)
     reasons = {
@@ -87,6 +88,8 @@ def impossible_positions(position_m: Float, control_height_m: Float) -> dict[int
         for k in np.flatnonzero((off > reach) & (reach > 0)).tolist()
     }
     if above > LEVEL_FLIGHT * spread[2]:
-        for k in np.flatnonzero(xyz[:, 2] < control_height_m.min()).tolist():
+        is_around = control_height_m.max() > middle[2] - 0.5 * above
+        lowest_m = control_height_m.min() if is_around else ground_m + LOW_POSITION * above
+        for k in np.flatnonzero(xyz[:, 2] < lowest_m).tolist():
             reasons.setdefault(k, f"height of {xyz[k, 2]:.4g} m, that of the others is {middle[2]:.4g} m")
     return {int(rows[k]): reason for k, reason in sorted(reasons.items())}

@@ -206,7 +206,7 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float |
         Or a GeometryError that names two points with each other's number, where these explain it.
     """
     kept = places.take(used)
-    reason = _mirrored(kept, to, up) or _fits_exactly_mirrored(places)
+    reason = _mirrored(kept, to, up) or _fits_as_a_whole_mirrored(places)
     if not reason:
         return
     two = places.name[exchanged_of(places, None if up is None else to.rotation @ up, 3)].tolist()
@@ -221,8 +221,8 @@ def refuse_mirrored(places: GivenPlaces, used: Bool, to: Similarity, up: Float |
     raise MirroredError(f"{what}: {reason}", remedy=f"{remedy}; check the y axis of the image coordinates (pixel: y)")
 
 
-def _fits_exactly_mirrored(places: GivenPlaces) -> str:
-    """That all control, four points and more, fits mirrored: any three of them do, turned over."""
+def _fits_as_a_whole_mirrored(places: GivenPlaces) -> str:
+    """That all control fits mirrored, rejected points too: of four any three fit turned over, against the fourth."""
     full = places.take(np.flatnonzero(places.given.all(axis=1) & (places.kind == CONTROL)))
     if len(full.row) <= TRIANGLE:
         return ""
@@ -293,7 +293,7 @@ def one_row_off(places: GivenPlaces) -> str:
 def refuse_wrong(places: GivenPlaces, use: Bool, to: Similarity, up: Float | None, what: str) -> None:
     """Raise if positions one row off, or mirrored control or images, explain why a body does not come to the ground.
 
-    `use`, (n,) bool, are the observations that take part, kind by kind; the others as of `refuse_mirrored`.
+    `use`, (n,) bool: observations that take part, kind by kind; `to`: ground from body, about; `up`: in the body.
     """
     if row_shift := one_row_off(places):
         raise GeometryError(f"{what}: {row_shift}", remedy=ONE_ROW)

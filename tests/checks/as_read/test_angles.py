@@ -211,6 +211,15 @@ def test_images_around_an_object_are_legal_however_few_of_them_are_low() -> None
     assert impossible_positions(xyz, np.array([0.05, 0.3, 0.6, 2.4])) == {}
 
 
+@pytest.mark.parametrize(
+    ("control", "height"), [((100.0, 110.0, 120.0, 0.0), 0.0), ((100.0, 250.0, 250.0, 400.0), 150.0)]
+)
+def test_neither_a_low_control_point_nor_relief_hides_a_low_position(control: tuple[float, ...], height: float) -> None:
+    xyz = STRIP.copy()
+    xyz[3, 2] = height
+    assert list(impossible_positions(xyz, np.array(control))) == [3]
+
+
 def test_one_position_for_all_images_is_no_position() -> None:
     found = impossible_positions(np.tile(STRIP[:1], (5, 1)), np.array([100.0]))
     assert list(found) == [0, 1, 2, 3, 4]
