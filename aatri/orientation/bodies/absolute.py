@@ -51,9 +51,9 @@ from aatri.orientation.bodies.datum_start import (
     searched_start,
     two_point_start,
 )
+from aatri.orientation.bodies.deformation import bends_far_less
 from aatri.orientation.bodies.free_body import FreeBody, held_motions, state_of, ties_of
 from aatri.orientation.bodies.wrong_control import (
-    CLEARLY,
     exchanged_by_all,
     exchanged_of,
     refuse_mirrored,
@@ -165,7 +165,7 @@ def orient_body(
         if 0 < np.count_nonzero(far) <= min(SMALL_ROOM, (n - first) // FEW) and not settings.free:
             with contextlib.suppress(ConvergenceError, GeometryError):
                 other = placed_from(began & near)
-                oriented = other if _bends_far_less(other.tied, oriented.tied) else oriented
+                oriented = other if bends_far_less(other.tied, oriented.tied) else oriented
     except (ConvergenceError, GeometryError) as failure:
         try:
             if not far.any():
@@ -180,11 +180,6 @@ def orient_body(
     # What remains must still determine the body: what is rejected does not count.
     use[: n - first] = oriented.tied.active[first:]
     return replace(oriented, analysis=_analysed(observed, use, body, oriented.ground_from_body, settings, what))
-
-
-def _bends_far_less(without: TiedResult, with_all: TiedResult) -> bool:
-    """Whether what is far from its start bends a body: r residuals are that small by chance as the r-th power tells."""
-    return (r := without.redundancy) > 1 and without.tau_m**r < CLEARLY**LEFT * with_all.tau_m**r
 
 
 def _placed(

@@ -4,7 +4,7 @@
 
 beside the observations of each body, whose own unknowns are eliminated body by body. All similarities are adjusted at
 once (Levenberg-Marquardt). One body after the other joins those that have begun, levelled and turned through all
-headings; of all headings of the first the end of least cost counts. With N = J'J of the whitened derivatives and M_k
+headings, if it fits these; of all headings of the first the end of most bodies and least cost counts. With N = J'J of the whitened derivatives and M_k
 the mean of G'G over the places of body k, whose motions are dX = G z_k, the solutions of
 
     N z = lambda M z

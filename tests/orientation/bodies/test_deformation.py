@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aatri.errors import ConvergenceError
-from aatri.orientation.bodies.deformation import START, Misfit, expected_ratio, sigma0_notes
+from aatri.orientation.bodies.deformation import START, Misfit, bends_far_less, expected_ratio, sigma0_notes
 
 
 def _levels(*weighted: float, redundancy: int = 400) -> list[str]:
@@ -69,3 +69,23 @@ def test_strips_off_by_more_than_any_deformation_are_refused() -> None:
 
 def test_a_misfit_that_is_small_in_metres_is_a_warning_where_no_limit_is_given() -> None:
     assert _of(20.0 * expected_ratio(27) + 1.0, None, 0.9 * START * 500.0) == ["warning"]
+
+
+@pytest.mark.parametrize(
+    ("without_m", "with_all_m", "redundancy", "far_less"),
+    [
+        pytest.param(0.19, 1.0, 4, True, id="a fifth of four residuals"),
+        pytest.param(0.21, 1.0, 4, False, id="more than a fifth of them"),
+        pytest.param(0.0, 1.0, 1, False, id="one residual tells nothing"),
+        pytest.param(0.0, 0.0, 4, False, id="none is deformed"),
+        pytest.param(0.0, 5.0, 600, True, id="nothing is left of metres, of many"),
+        pytest.param(4.9, 5.0, 600, False, id="the same, of many"),
+        pytest.param(0.01, 0.3, 700, True, id="a thirtieth, of many"),
+        pytest.param(0.978, 1.0, 300, False, id="2 per cent less, of many"),
+    ],
+)
+def test_what_was_left_out_bent_a_body_where_that_is_deformed_far_less_without(
+    without_m: float, with_all_m: float, redundancy: int, far_less: bool
+) -> None:
+    without, with_all = (SimpleNamespace(tau_m=tau_m, redundancy=redundancy) for tau_m in (without_m, with_all_m))
+    assert bends_far_less(without, with_all) is far_less
