@@ -1,7 +1,8 @@
 """What bodies with points and images in common tell of each other where each has too little of its own."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import Positions, observed_positions
 from aatri.orientation.bodies.free_body import FreeBody, observed_rotations
 from aatri.orientation.bodies.joint_start import joint_start
+
+Part = TypeVar("Part")
 
 
 def beside_neighbours(ground: GroundObserved, neighbours: Sequence[FreeBody], body: FreeBody) -> GroundObserved:
@@ -57,3 +60,28 @@ def determined_together(
             to |= {left[k]: similarity for k, similarity in placed_here.items()}
         left = [k for number, k in enumerate(left) if number not in group]
     return to
+
+
+def oriented_together(
+    ground: GroundObserved,
+    placed_bodies: Sequence[FreeBody],
+    bodies: Sequence[FreeBody],
+    oriented: Callable[[int, Mapping[int, Similarity]], Part | None],
+) -> dict[int, Part]:
+    """Bodies that only together are determined, by number; each at last by what it shares with the others.
+
+    The others are not where one put them that contradicts them: without it all are begun anew.
+
+    Parameters
+    ----------
+    oriented : callable
+        Number of a body, and where the others of `bodies` begin -> the body; None where it contradicts them.
+    """
+    left = [*range(len(bodies))]
+    while True:
+        begun = determined_together(ground, placed_bodies, [bodies[k] for k in left])
+        to = {left[number]: similarity for number, similarity in begun.items()}
+        parts = {k: oriented(k, {other: s for other, s in to.items() if other != k}) for k in to}
+        if not (failed := [k for k, part in parts.items() if part is None]):
+            return {k: part for k, part in parts.items() if part is not None}
+        left = [k for k in left if k not in failed]

@@ -1,13 +1,13 @@
 """Components of images that have too little of their own, by what they share with others."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from aatri.adapters.ground.component_bodies import body_of
 from aatri.adapters.ground.ground_observed import GroundObserved, oriented_by
-from aatri.adapters.ground.neighbouring_bodies import beside_neighbours, determined_together
+from aatri.adapters.ground.neighbouring_bodies import beside_neighbours, oriented_together
 from aatri.arrays import Text, finite_rows
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity
@@ -97,11 +97,11 @@ def together(
     neighbours : sequence of ImageComponent
         Those that are on the ground already.
     """
-    bodies = [body_of(c, rays) for c in components]
-    to = determined_together(ground, [body_of(c, rays) for c in neighbours], bodies)
-    begun, done = {k: components[k].moved(similarity) for k, similarity in to.items()}, dict[int, OnGround]()
-    for k, similarity in to.items():
-        others = [*neighbours, *(c for other, c in begun.items() if other != k)]
+
+    def oriented(k: int, begun: Mapping[int, Similarity]) -> OnGround | None:
+        others = [*neighbours, *(components[other].moved(to) for other, to in begun.items())]
         part = by_neighbours(ground, components[k], rays, others, names[k], settings)
-        done[k] = OnGround(begun[k], None, similarity) if isinstance(part, str) else part[0]
-    return done
+        return None if isinstance(part, str) else part[0]
+
+    bodies, placed = ([body_of(c, rays) for c in cs] for cs in (components, neighbours))
+    return oriented_together(ground, placed, bodies, oriented)

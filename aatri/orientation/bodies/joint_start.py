@@ -4,8 +4,9 @@
 
 beside the observations of each body, whose own unknowns are eliminated body by body. All similarities are adjusted at
 once (Levenberg-Marquardt). One body after the other joins those that have begun, levelled and turned through all
-headings, if it fits these; of all headings of the first the end of most bodies and least cost counts. With N = J'J of the whitened derivatives and M_k
-the mean of G'G over the places of body k, whose motions are dX = G z_k, the solutions of
+headings, if it fits these; of all headings of the first the end of most bodies and least cost counts. With N = J'J of
+the whitened derivatives and M_k the mean of G'G over the places of body k, whose motions are dX = G z_k, the solutions
+of
 
     N z = lambda M z
 
@@ -13,19 +14,21 @@ move the bodies by 1 (RMS) with a standard deviation of 1 / sqrt(lambda): bodies
 to `UNKNOWN` of their extent are not determined.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import block_diag, eigh
 
+from aatri.adjusting.added_variance import observed_components
 from aatri.adjustment.records import whitened
-from aatri.arrays import Float
+from aatri.arrays import Float, Int
 from aatri.geometry.similarity import IDENTITY, Similarity, motions, transform
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.common_datum import RIDGE
+from aatri.orientation.bodies.datum_analysis import given_places
 from aatri.orientation.bodies.datum_start import (
     ITERATIONS,
     SAME_ENDS,
@@ -35,18 +38,30 @@ from aatri.orientation.bodies.datum_start import (
     of_body,
     retracted,
     scaled,
+    typical_distance,
     weighed,
 )
-from aatri.orientation.bodies.free_body import FreeBody
+from aatri.orientation.bodies.deformation import FARTHEST_START
+from aatri.orientation.bodies.free_body import FreeBody, state_of
 
 UNKNOWN = 0.1
 """Standard deviation of a motion of bodies, as a share of their extent, beyond which it is not determined."""
 
-DAMPING, LARGEST = 1e-3, 1e8
-"""Of the first step, as a share of the diagonal, and beyond which no step reduces the cost."""
+DAMPING, SMALLEST_DAMPING, LARGEST = 1e-3, 1e-9, 1e8
+"""Of the first step, as a share of the diagonal; below which rounding would decide, and beyond which no step reduces
+the cost."""
 
 MOVES = 0.1
 """Share of an open motion above which it moves a body."""
+
+EXACT = 1e-6
+"""Least standard deviation of points that are shared, as a share of their distance: exact ones are weighed so."""
+
+MOST = 8
+"""Bodies that are tried together, as the time grows with the third power of their number: 8 take 3 s."""
+
+UNKNOWNS = 7
+"""Of a similarity."""
 
 Placed = Mapping[int, Similarity]
 End = tuple[float, Placed]
@@ -54,36 +69,87 @@ End = tuple[float, Placed]
 
 
 def joint_start(bodies: Sequence[FreeBody], observes: Sequence[Observe]) -> tuple[list[int], Placed]:
-    """Numbers of bodies that share points, and ground from body of those that are determined together.
+    """Numbers of bodies that were tried together, and ground from body of those of them that are determined.
 
     Parameters
     ----------
     observes : sequence of callable
         Of each body, where it lies -> the observations that concern it.
     """
-    first, *others = order = _order(bodies, observes)
-    ends = list[End]()
-    for start in all_headings(bodies[first]):
-        end = _fitted(bodies, observes, {first: start}, first)
-        for k in others:
-            turned = (replace(h, scale=end[1][first].scale) for h in all_headings(bodies[k]))
-            end = _least(_fitted(bodies, observes, {**end[1], k: h}, k) for h in turned)
-        ends.append(end)
-        if _settled(ends):
+    conditions = [_conditions(observe(IDENTITY)) for observe in observes]
+    if not (enough := _with_enough(bodies, conditions)):
+        return [*range(len(bodies))], {}
+    order = _order(bodies, conditions, enough)
+    try:
+        to = _least_end(bodies, observes, order)[1]
+        return (order, _determined(bodies, observes, to)) if to else (order[:1], {})
+    except np.linalg.LinAlgError:  # rounding decides
+        return order, {}
+
+
+def _conditions(observed: Sequence[Observed]) -> int:
+    """How many observations are left for the similarity of a body, if all are independent."""
+    own = {u.name: int(u.free.sum()) for o in observed for u in o.unknowns}
+    return max(0, sum(int(observed_components(o).sum()) for o in observed) - sum(own.values()))
+
+
+def _with_enough(bodies: Sequence[FreeBody], conditions: Sequence[int]) -> list[int]:
+    """Bodies with as many observations and coordinates of points in common with others of them as they have unknowns.
+
+    One with fewer is open, and tells the others nothing of each other: it takes up all that it shares with them.
+    """
+    known = np.array([body.has[POINT] for body in bodies])
+    left = np.arange(len(bodies))
+    while len(left):
+        shared = (known[left] & (known[left].sum(axis=0) > 1)).sum(axis=1)
+        enough = np.array(conditions)[left] + 3 * shared >= UNKNOWNS
+        if enough.all():
             break
-    return order, _determined(bodies, observes, _least(ends)[1])
+        left = left[enough]
+    return left.tolist()
 
 
-def _order(bodies: Sequence[FreeBody], observes: Sequence[Observe]) -> list[int]:
+def _order(bodies: Sequence[FreeBody], conditions: Sequence[int], left: list[int]) -> list[int]:
     """Bodies that hang together by points: that of most observations, then the one that shares most with these."""
-    known, left = [body.has[POINT] for body in bodies], list(range(len(bodies)))
-    order = [max(left, key=lambda k: sum(len(o) for o in observes[k](IDENTITY)))]
-    while left := [k for k in left if k not in order]:
+    known = [body.has[POINT] for body in bodies]
+    order = [max(left, key=lambda k: conditions[k])]
+    while (left := [k for k in left if k not in order]) and len(order) < MOST:
         shared = [sum(int((known[k] & known[other]).sum()) for other in order) for k in left]
         if not max(shared):
             break
         order.append(left[int(np.argmax(shared))])
     return order
+
+
+def _least_end(bodies: Sequence[FreeBody], observes: Sequence[Observe], order: Sequence[int]) -> End:
+    """The end of most bodies and least cost; a body that contradicts those before it has no part, nor has the first."""
+    first, *others = order
+    ends = list[End]()
+    for start in all_headings(bodies[first]):
+        end = _fitted(bodies, observes, {first: start}, first)
+        if not _fit(bodies, observes, end[1]):
+            continue
+        for k in others:
+            turned = (replace(h, scale=end[1][first].scale) for h in all_headings(bodies[k]))
+            joined = _least(_fitted(bodies, observes, {**end[1], k: h}, k) for h in turned)
+            end = joined if _fit(bodies, observes, joined[1]) else end
+        ends.append(end)
+        if _settled(ends):
+            break
+    return min(ends, key=_rank, default=(float("inf"), {}))
+
+
+def _fit(bodies: Sequence[FreeBody], observes: Sequence[Observe], to: Placed) -> bool:
+    """Whether what is known of bodies, and what they share, is as near as a bundle may begin from."""
+    off_m, near_m = list[Float](), list[float]()
+    for k, place in to.items():
+        observed = observes[k](place)
+        places = given_places(observed, state_of(observed, bodies[k], place))
+        off_m.append((places.observed_m - places.xyz)[places.given])
+        off_m += [(X - Y).ravel() for _, _, X, Y in _shared(bodies, to, k)]
+        near_m.append(FARTHEST_START * typical_distance(bodies[k], place))
+    squares = np.concatenate(off_m) ** 2
+    return float(squares.sum()) <= max(len(squares) - UNKNOWNS * len(to), 1) * float(np.mean(np.square(near_m)))
 
 
 def _least(ends: Iterable[End]) -> End:
@@ -93,12 +159,16 @@ def _least(ends: Iterable[End]) -> End:
         done.append(end)
         if _settled(done):
             break
-    return min(done, key=lambda end: end[0])
+    return min(done, key=_rank)
+
+
+def _rank(end: End) -> tuple[int, float]:
+    return -len(end[1]), end[0]
 
 
 def _settled(ends: Sequence[End]) -> bool:
-    least = min(cost for cost, _ in ends)
-    return sum(cost <= least + TOLERANCE for cost, _ in ends) >= SAME_ENDS
+    most, least = min(_rank(end) for end in ends)
+    return sum(_rank(end) <= (most, least + TOLERANCE) for end in ends) >= SAME_ENDS
 
 
 def _fitted(bodies: Sequence[FreeBody], observes: Sequence[Observe], to: Placed, new: int) -> End:
@@ -115,7 +185,7 @@ def _fitted(bodies: Sequence[FreeBody], observes: Sequence[Observe], to: Placed,
         v_new, J_new = _equations(bodies, observed, stepped)
         gain = cost - 0.5 * float(v_new @ v_new)
         if gain >= 0.0:
-            to, v, J, damping = stepped, v_new, J_new, damping / 10
+            to, v, J, damping = stepped, v_new, J_new, max(damping / 10, SMALLEST_DAMPING)
             if gain < TOLERANCE**2:
                 break
         elif (damping := 10 * damping) > LARGEST:
@@ -144,14 +214,20 @@ def _equations(
     for k, place in to.items():
         w, by_body = _of_one(bodies[k], observed[k], place)
         add(w, {k: by_body})
-        for other in [other for other in to if other < k]:
-            both = np.flatnonzero(bodies[k].has[POINT] & bodies[other].has[POINT])
-            X, Y = (transform(to[j], bodies[j].xyz[both]) for j in (k, other))
+        for other, both, X, Y in _shared(bodies, to, k):
             traces = [to[j].scale ** 2 * np.einsum("nii->n", bodies[j].covariance[both]) for j in (k, other)]
-            weight = 1.0 / np.sqrt(np.sum(traces, axis=0) / 3)
+            least = max(EXACT * typical_distance(bodies[j], to[j]) for j in (k, other))
+            weight = 1.0 / np.maximum(np.sqrt(np.sum(traces, axis=0) / 3), least)
             by_bodies = {k: motions(X) * weight[:, None, None], other: -motions(Y) * weight[:, None, None]}
             add((X - Y) * weight[:, None], by_bodies)
     return np.concatenate(v), np.concatenate(J)
+
+
+def _shared(bodies: Sequence[FreeBody], to: Placed, k: int) -> Iterator[tuple[int, Int, Float, Float]]:
+    """Of each body before: its number, the points that body k shares with it, and where they lie by k and by it."""
+    for other in [other for other in to if other < k]:
+        both = np.flatnonzero(bodies[k].has[POINT] & bodies[other].has[POINT])
+        yield other, both, transform(to[k], bodies[k].xyz[both]), transform(to[other], bodies[other].xyz[both])
 
 
 def _of_one(body: FreeBody, observed: Sequence[Observed], to: Similarity) -> tuple[Float, Float]:
