@@ -1,8 +1,7 @@
 """A free component of strips as a body, and its orientation on the ground."""
 
-import contextlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from aatri.adapters.ground.control_by_rays import ControlByRays, control_by_rays
 from aatri.adapters.ground.ground_observed import HARDLY, GroundObserved, oriented_by
-from aatri.adapters.ground.neighbouring_bodies import beside_neighbours, determined_together
+from aatri.adapters.ground.neighbouring_bodies import beside_neighbours, oriented_together
 from aatri.adapters.ground.one_left_out import oriented_by_the_others
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import names_of, not_rejected
@@ -20,7 +19,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.strips import Strips
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.geometry.similarity import transform
+from aatri.geometry.similarity import Similarity, transform
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.control import control_of
@@ -36,6 +35,9 @@ from aatri.orientation.bodies.free_body import LEVEL_RAD, FreeBody, levelled
 
 EXTRAPOLATION_WARNED = 3.0
 """Times that errors of control are magnified, beyond which this is a warning."""
+
+Failed = tuple[Component, str, GeometryError | ConvergenceError]
+"""A component, what messages call it, and why it is not oriented."""
 
 
 @dataclass(frozen=True)
@@ -133,21 +135,27 @@ def _with_control(block_strips: StripsOfBlock, component: Component) -> ControlB
 def parts_together(
     block_strips: StripsOfBlock,
     parts: Sequence[OrientedPart],
-    components: Sequence[Component],
-    names: Sequence[str],
+    failed: Sequence[Failed],
     settings: OrientationSettings,
-) -> dict[int, OrientedPart]:
-    """Components that what they share and control determine together, by number, beside parts that are oriented."""
-    placed = [part.on_ground for part in parts]
-    bodies = [_with_control(block_strips, component).body for component in components]
-    to = determined_together(block_strips.ground, placed, bodies)
-    begun, done = {k: bodies[k].moved(similarity) for k, similarity in to.items()}, dict[int, OrientedPart]()
-    for k in to:
-        others = [*placed, *(body for other, body in begun.items() if other != k)]
-        beside = replace(block_strips, ground=beside_neighbours(block_strips.ground, others, bodies[k]))
-        with contextlib.suppress(ConvergenceError, GeometryError):
-            done[k] = oriented_part(beside, components[k], names[k], replace(settings, weakest=HARDLY))[0]
-    return done
+) -> dict[int, tuple[OrientedPart, list[Note]]]:
+    """Components that what they share and control determine, together or beside parts that are oriented, by number."""
+    on_ground = [part.on_ground for part in parts]
+    bodies = [_with_control(block_strips, component).body for component, _, _ in failed]
+
+    def oriented(k: int, begun: Mapping[int, Similarity]) -> tuple[OrientedPart, list[Note]] | None:
+        others = [bodies[other].moved(to) for other, to in begun.items()]
+        ground, (component, what, failure) = block_strips.ground, failed[k]
+        text = "oriented by what it shares with others that are oriented, and what is observed of it"
+        if beside_neighbours(ground, others, bodies[k]).beside:
+            text = "oriented together with others, by what they share and what is observed of each"
+        beside = replace(block_strips, ground=beside_neighbours(ground, [*on_ground, *others], bodies[k]))
+        try:
+            part, notes = oriented_part(beside, component, what, replace(settings, weakest=HARDLY))
+        except (ConvergenceError, GeometryError):
+            return None
+        return part, [Note("note", f"{what}: {text}; without them {failure.what}"), *notes]
+
+    return oriented_together(block_strips.ground, on_ground, bodies, oriented)
 
 
 def part_notes(part: OrientedPart) -> list[Note]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.adapters.ground.absolute_datum import (
+    Failed,
     OrientedPart,
     StripsOfBlock,
     levelled_part,
@@ -23,7 +24,7 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.absolute import OrientationSettings, Start
-from aatri.orientation.bodies.components import Component, FreeBlock, join_strips, strip_names
+from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
 from aatri.orientation.bodies.wrong_control import ONE_ROW, one_row_off
 
 MISFIT_SHARE = 4
@@ -34,10 +35,6 @@ NAMED = 3
 
 CANDIDATES = 3
 """So many strips are tried, as a bent strip bends those it is joined to."""
-
-
-Failed = tuple[Component, str, GeometryError | ConvergenceError]
-"""A component, what messages call it, and why it is not oriented."""
 
 
 @dataclass(frozen=True)
@@ -249,11 +246,9 @@ def _joined_and_oriented(
         parts.append(part)
         notes += more
     others = failed if weakly or not any(free.weak) else []
-    components, names_of_these = [c for c, _, _ in others], [what for _, what, _ in others]
-    together = parts_together(block_strips, parts, components, names_of_these, settings) if others else {}
-    parts += together.values()
-    text = "oriented together with others, by what they share and what is observed of each; without them"
-    notes += [Note("note", f"{failed[k][1]}: {text} {failed[k][2].what}") for k in together]
+    together = parts_together(block_strips, parts, others, settings) if others else {}
+    parts += [part for part, _ in together.values()]
+    notes += [note for _, of_part in together.values() for note in of_part]
     left = [one for k, one in enumerate(failed) if k not in together]
     for part in parts:
         notes += [*height_notes(block_strips.ground.block, part.result, part.what), *part_notes(part)]

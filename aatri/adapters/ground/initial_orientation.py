@@ -149,25 +149,29 @@ def _by_what_they_share(
     done: list[OnGround],
     settings: OrientationSettings,
 ) -> tuple[list[tuple[ImageComponent, str, AatriError, str]], list[Note]]:
-    """Components by others on the ground, and together; `done` grows. Those that are left, with the reason."""
-    left, notes = list[tuple[ImageComponent, str, AatriError, str]](), list[Note]()
-    for component, what, failure in failed:
-        beside = by_neighbours(ground, component, rays, [part.component for part in done], what, settings)
-        if isinstance(beside, str):
-            left.append((component, what, failure, beside))
-            continue
-        part, left_out = beside
-        text = f"oriented by the images and points it shares with others; without them {failure.what}"
-        notes.append(Note("warning", f"{what}: {left_out}") if left_out else Note("note", f"{what}: {text}"))
-        done.append(part)
-    if len(left) < 2:
-        return left, notes
-    names, others = [what for _, what, _, _ in left], [part.component for part in done]
-    joint = together(ground, [c for c, _, _, _ in left], names, rays, others, settings)
-    text = "oriented together with others, by the points they share and what is observed of each; without them"
-    notes += [Note("note", f"{names[k]}: {text} {left[k][2].what}") for k in joint]
-    done += joint.values()
-    return [one for k, one in enumerate(left) if k not in joint], notes
+    """Components by others on the ground, and together, as long as `done` grows. Those left, with the reason."""
+    left, notes = [(*one, "") for one in failed], list[Note]()
+    while True:
+        before, others = len(done), list[tuple[ImageComponent, str, AatriError, str]]()
+        for component, what, failure, _ in left:
+            beside = by_neighbours(ground, component, rays, [part.component for part in done], what, settings)
+            if isinstance(beside, str):
+                others.append((component, what, failure, beside))
+                continue
+            part, left_out = beside
+            text = f"oriented by the images and points it shares with others; without them {failure.what}"
+            notes.append(Note("warning", f"{what}: {left_out}") if left_out else Note("note", f"{what}: {text}"))
+            done.append(part)
+        left = others
+        if len(done) == before and len(left) > 1:
+            names, on_ground = [what for _, what, _, _ in left], [part.component for part in done]
+            joint = together(ground, [c for c, _, _, _ in left], names, rays, on_ground, settings)
+            text = "oriented together with others, by the points they share and what is observed of each; without them"
+            notes += [Note("note", f"{names[k]}: {text} {left[k][2].what}") for k in joint]
+            done += joint.values()
+            left = [one for k, one in enumerate(left) if k not in joint]
+        if len(done) == before or not left:
+            return left, notes
 
 
 def _at_datum_points(

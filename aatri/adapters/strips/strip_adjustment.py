@@ -185,7 +185,7 @@ def adjust_strips(
         text = "strips not oriented in `initial`, left out"
         notes.append(Note("warning", text, tuple(strips.strips.id[left].tolist())))
     notes += fall_notes(result, names.tolist(), "warning" if degrees_requested else "note")
-    notes += strip_notes(block, ground, result, names)
+    notes += strip_notes(block, strips, ground, result, names)
 
     tied = result.tied
     text = f"standard deviation of the strips beyond that of their points: {tied.tau_m:.3f} m"

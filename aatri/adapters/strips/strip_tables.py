@@ -72,11 +72,18 @@ def transformation_tables(
     return tables
 
 
-def strip_notes(block: Block, ground: StripsOnGround, result: StripPolynomials, names: Text) -> Iterator[Note]:
-    """Counts, RMS of the tie residuals of every strip, and points that are extrapolated.
+def strip_notes(
+    block: Block, strips: Strips, ground: StripsOnGround, result: StripPolynomials, names: Text
+) -> Iterator[Note]:
+    """Points at infinity, counts, RMS of the tie residuals of every strip, and points that are extrapolated.
 
     Ties carry control from strip to strip, but not beyond all of it: where no strip has any, all bend together.
     """
+    distant = np.setdiff1d(np.flatnonzero(np.isin(strips.strip_points.strip, ground.strips)), ground.rows)
+    if len(distant):
+        ids = block.points.id[np.unique(strips.strip_points.point[distant])]
+        text = "points at infinity, or so uncertain that they may be, left out of the strips that hold them so"
+        yield Note("warning", text, tuple(ids.tolist()))
     equations, coefficients = textbook_counts(result, ground.points, ground.control)
     text = f"{equations} equations of control and ties, {coefficients} coefficients of {len(names)} strips, redundancy"
     yield Note("note", f"{text} {equations - coefficients} (ground points eliminated)")
