@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adapters.ground.component_bodies import body_of
-from aatri.adapters.ground.ground_observed import GroundObserved, oriented_by
+from aatri.adapters.ground.ground_observed import GroundObserved, oriented_by, strain
+from aatri.adapters.ground.initial_tests import CONTRADICTED
 from aatri.adapters.ground.neighbouring_bodies import beside_neighbours, oriented_together
 from aatri.arrays import Text, finite_rows
 from aatri.errors import ConvergenceError, GeometryError
@@ -56,6 +57,9 @@ def by_neighbours(
         if not beside.beside:
             return None
         seated, _ = oriented_by(beside, body, settings, what)
+        if (share := strain(seated, body)) > CONTRADICTED:
+            added = f"{seated.tied.tau_m:.2g} m, {share:.1%} of the distance between images and points"
+            raise ConvergenceError(f"it fits only where its points are off by {added}")
         return OnGround(own.moved(seated.ground_from_body), None, seated.ground_from_body), seated
 
     try:

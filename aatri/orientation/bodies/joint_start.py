@@ -58,7 +58,7 @@ EXACT = 1e-6
 """Least standard deviation of points that are shared, as a share of their distance: exact ones are weighed so."""
 
 MOST = 8
-"""Bodies that are tried together, as the time grows with the third power of their number: 8 take 3 s."""
+"""Bodies that are tried together, as the time grows with the third power of their number: 8 take 4 s, 16 took 20."""
 
 UNKNOWNS = 7
 """Of a similarity."""
@@ -79,12 +79,18 @@ def joint_start(bodies: Sequence[FreeBody], observes: Sequence[Observe]) -> tupl
     conditions = [_conditions(observe(IDENTITY)) for observe in observes]
     if not (enough := _with_enough(bodies, conditions)):
         return [*range(len(bodies))], {}
-    order = _order(bodies, conditions, enough)
+    order, bodies = _order(bodies, conditions, enough), [_inexact(body) for body in bodies]
     try:
         to = _least_end(bodies, observes, order)[1]
         return (order, _determined(bodies, observes, to)) if to else (order[:1], {})
     except np.linalg.LinAlgError:  # rounding decides
         return order, {}
+
+
+def _inexact(body: FreeBody) -> FreeBody:
+    """A body whose points have a variance."""
+    least = EXACT * typical_distance(body, IDENTITY)
+    return replace(body, covariance=body.covariance + least**2 * np.eye(3))
 
 
 def _conditions(observed: Sequence[Observed]) -> int:
@@ -216,8 +222,7 @@ def _equations(
         add(w, {k: by_body})
         for other, both, X, Y in _shared(bodies, to, k):
             traces = [to[j].scale ** 2 * np.einsum("nii->n", bodies[j].covariance[both]) for j in (k, other)]
-            least = max(EXACT * typical_distance(bodies[j], to[j]) for j in (k, other))
-            weight = 1.0 / np.maximum(np.sqrt(np.sum(traces, axis=0) / 3), least)
+            weight = 1.0 / np.sqrt(np.sum(traces, axis=0) / 3)
             by_bodies = {k: motions(X) * weight[:, None, None], other: -motions(Y) * weight[:, None, None]}
             add((X - Y) * weight[:, None], by_bodies)
     return np.concatenate(v), np.concatenate(J)
@@ -227,7 +232,8 @@ def _shared(bodies: Sequence[FreeBody], to: Placed, k: int) -> Iterator[tuple[in
     """Of each body before: its number, the points that body k shares with it, and where they lie by k and by it."""
     for other in [other for other in to if other < k]:
         both = np.flatnonzero(bodies[k].has[POINT] & bodies[other].has[POINT])
-        yield other, both, transform(to[k], bodies[k].xyz[both]), transform(to[other], bodies[other].xyz[both])
+        if len(both):
+            yield other, both, transform(to[k], bodies[k].xyz[both]), transform(to[other], bodies[other].xyz[both])
 
 
 def _of_one(body: FreeBody, observed: Sequence[Observed], to: Similarity) -> tuple[Float, Float]:

@@ -54,3 +54,17 @@ def test_strips_that_together_are_open_too_are_refused(tmp_path: Path, chain: st
     small = sharing(3, control={"C1": "XYZ", "C2": "XYZ"})
     with pytest.raises(GeometryError, match="not determined"):
         adjusted_by(chain, small.write(tmp_path / "b"))
+
+
+@pytest.mark.slow
+def test_a_strip_beside_one_that_is_oriented_is_called_so_with_what_takes_part(tmp_path: Path) -> None:
+    """Three control points in one strip; in the other one, a point in common and attitudes."""
+    small = sharing(1, control={"C1": "XYZ", "C3": "XYZ", "C2": "XYZ"}, attitudes=True)
+    in_first = {p for i, p in small.rays if small.strip[i][0] == "S1"} - {p for i, p in small.rays if i[0] == "2"}
+    small.control[max(in_first - {*small.control}, key=lambda p: small.xyz_m[p] @ [0.0, 1.0, 0.0])] = "XYZ"
+    done = adjusted_by("chain", small.write(tmp_path / "b"))
+    assert done.initial.images.oriented.all()
+    (line,) = [text for text in done.lines if "oriented by what it shares with others that are oriented" in text]
+    assert "; without them component 2 (S2)" in line
+    assert [text for text in done.lines if text.startswith("component 2 (S2): attitudes of 4 images take part")]
+    assert not [text for text in done.lines if "together with others" in text]
