@@ -51,7 +51,7 @@ the bundle ends right (docs/convergence.md, the bent valley). Of other causes as
 NAMED = 3
 """So many bodies are named where they do not fit."""
 
-BY_CHANCE, FAR_LESS = 0.2**4, 0.5
+FIFTH_OF_FOUR, FAR_LESS = 0.2**4, 0.5
 """Of the r-th power of a share of a deformation, and of the share itself, below which what was left out bent the body:
 a fifth of four residuals, and of many no more than a half. The fourth part of normal residuals that is farthest off
 leaves 0.61 of their RMS to the others, by itself: (1 - 2 z phi(z) / 0.75)^0.5 with z = 1.15, beyond which that is."""
@@ -66,7 +66,7 @@ def bends_far_less(without: TiedResult, with_all: TiedResult) -> bool:
     whatever that of the second is.
     """
     r = without.redundancy
-    return r > 1 and without.tau_m < min(FAR_LESS, BY_CHANCE ** (1 / r)) * with_all.tau_m
+    return r > 1 and without.tau_m < min(FAR_LESS, FIFTH_OF_FOUR ** (1 / r)) * with_all.tau_m
 
 
 def expected_ratio(models: int) -> float:

@@ -63,7 +63,7 @@ def test_a_chain_of_bodies_with_one_point_in_common_each_is_not_tried() -> None:
     """By hand: the last has three conditions and seven unknowns; without it the one before has. 20 s when tried."""
     X = ground_points(60)
     bodies = [body(k, X, [k, k + 1, *range(20 + k, 60, 16)]) for k in range(16)]
-    assert begun(bodies, ()) == (list(range(16)), [], pytest.approx(np.nan, nan_ok=True))
+    assert begun(bodies, ())[:2] == (list(range(16)), [])
 
 
 @pytest.mark.slow

@@ -65,6 +65,6 @@ def test_a_strip_beside_one_that_is_oriented_is_called_so_with_what_takes_part(t
     done = adjusted_by("chain", small.write(tmp_path / "b"))
     assert done.initial.images.oriented.all()
     (line,) = [text for text in done.lines if "oriented by what it shares with others that are oriented" in text]
-    assert "; without them component 2 (S2)" in line
-    assert [text for text in done.lines if text.startswith("component 2 (S2): attitudes of 4 images take part")]
+    assert line.startswith("component 2 (strip S2): ")
+    assert [text for text in done.lines if text.startswith("component 2 (strip S2): attitudes of 4 images take part")]
     assert not [text for text in done.lines if "together with others" in text]
