@@ -54,8 +54,10 @@ def _groups(resource: str) -> Iterator[Path]:
     for line in lines:
         _, _, rest = line.partition(":")
         controllers, _, group = rest.partition(":")
-        if controllers and resource not in controllers.split(","):
+        if not group.startswith("/") or (controllers and resource not in controllers.split(",")):
             continue
-        top = MOUNTED / (resource if controllers else "")
-        for above in (Path(group), *Path(group).parents):
-            yield top / above.relative_to("/")
+        top, names = MOUNTED / (resource if controllers else ""), [name for name in group.split("/") if name]
+        # seen from a container a group beside its own begins with `..`: it leads out of what is mounted
+        inside = Path(*(name for name in names if name != ".."))
+        for above in (inside, *inside.parents):
+            yield top / above

@@ -79,6 +79,14 @@ def test_groups_without_limits_limit_nothing(groups: Groups) -> None:
     assert (machine.memory_bytes(), machine.processors()) == (4096 * 25_000_000, 64)
 
 
+@pytest.mark.parametrize("membership", ["0::\n1:memory:\n", "0::/../../jobs\n1:memory:/..\n", "no groups\n\n"])
+def test_a_group_without_a_name_or_outside_what_is_mounted_ends_nothing(groups: Groups, membership: str) -> None:
+    """The files above those that are mounted are of others."""
+    groups(membership, **{"jobs/memory.max": "6000000000", "../memory.max": "1", "../cpu.max": "100000 100000"})
+    of_jobs = 6e9 if "jobs" in membership else 4096 * 25_000_000
+    assert (machine.memory_bytes(), machine.processors()) == (of_jobs, 64)
+
+
 def test_a_system_that_does_not_tell_its_memory_has_no_limit(groups: Groups, monkeypatch: pytest.MonkeyPatch) -> None:
     groups("")
     monkeypatch.setattr(os, "sysconf", {}.__getitem__)
