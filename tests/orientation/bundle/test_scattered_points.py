@@ -12,7 +12,8 @@ import pytest
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
 from aatri.errors import ConvergenceError
 from aatri.observations.control import Control
-from aatri.observations.poses import POSE
+from aatri.observations.parameters import ParameterRows
+from aatri.observations.poses import FILM, POSE
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.robust import AdjustOptions
@@ -142,7 +143,10 @@ COMBINATIONS = {
     ),
     "an image": OpenCombination("Z0 of image i1", unknowns=(("Z0", POSE), ("c", "camera")), counts=(1, 1)),
     "what images share": OpenCombination("c with k1", unknowns=(("c", "camera"), ("k1", "camera")), counts=(1, 1)),
+    "film of an image": OpenCombination("film of image i1", unknowns=(("a1", FILM),), counts=(1,)),
+    "film and camera": OpenCombination("a1 with c", unknowns=(("a1", FILM), ("c", "camera")), counts=(1, 1)),
 }
+OF_AN_IMAGE = ("an image", "film of an image", "film and camera")
 
 
 @pytest.mark.parametrize(("what", "exact"), [("whole", False), *((what, True) for what in COMBINATIONS)])
@@ -153,6 +157,11 @@ def test_no_image_is_left_out_on_trial_where_all_of_them_are_open(what: str, exa
         adjusted.append(block)
         raise failure
 
+    parts, free, zero = made_bundle(), np.ones((6, 1), dtype=bool), np.zeros((6, 1))
+    shape, rays = (np.zeros((6, 1, 1)), ~free), np.zeros((len(parts.rays.image), 2, 1))
+    film = ParameterRows(
+        FILM, parts.image_ids, ("a1",), zero, free, zero, *shape, parts.rays.image, rays, per_image=True
+    )
     with pytest.raises(OpenError):
-        searched_again(made_bundle().together(), failing, failing, failure)
-    assert len(adjusted) == (1 if exact and what != "an image" else 1 + 6)
+        searched_again(replace(parts, parameters=(film,)).together(), failing, failing, failure)
+    assert len(adjusted) == (1 if exact and what not in OF_AN_IMAGE else 1 + 6)

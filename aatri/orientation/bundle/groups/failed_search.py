@@ -80,14 +80,16 @@ def _is_open_without_any_image(block: BundleInput, failure: AatriError) -> bool:
     return (
         isinstance(failure, OpenError)
         and failure.exact
-        and any(is_of_most(c, len(block.image_ids)) or _is_of_no_image(c) for c in failure.combinations)
+        and any(is_of_most(c, len(block.image_ids)) or _is_of_no_image(c, block) for c in failure.combinations)
     )
 
 
-def _is_of_no_image(combination: OpenCombination) -> bool:
+def _is_of_no_image(combination: OpenCombination, block: BundleInput) -> bool:
     """Whether only unknowns are open that images share, which are left when an image goes."""
     groups = {group for _, group in combination.unknowns}
-    return bool(groups) and groups.isdisjoint((POSE, POINT))
+    # film, parameters per image
+    of_single_images = {u.name for o in block.observed for u in o.unknowns if u.joins == POSE}
+    return bool(groups) and groups.isdisjoint({POSE, POINT} | of_single_images)
 
 
 def _with_all_images(
