@@ -68,8 +68,8 @@ def read_lines(path: Path, reporter: Reporter = SILENT) -> list[str]:
 
 def check_memory(size: int, path: Path) -> None:
     """Refuse a file of so many bytes whose rows need more memory than there is, before it is read."""
-    if (needed := MEMORY_PER_BYTE * size) > memory_bytes():
-        what = f"takes some {needed / 1e9:.2g} GB of memory to read, and this machine has less"
+    if (needed := MEMORY_PER_BYTE * size) > (available := memory_bytes()):
+        what = f"takes some {needed / 1e9:.2g} GB of memory to read, and there are {available / 1e9:.2g} GB here"
         raise ResourceError(what, where=str(path), remedy="divide the block, or thin it out")
 
 

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aatri.errors import AatriError, Faults, InputError, ResourceError
+from aatri.formats.text import text_file
 from aatri.formats.text.csv_cells import cells_of, start_of_cell
 from aatri.formats.text.csv_table import CsvColumn, read_csv
 from aatri.formats.text.number_text import number_of, numbers_of, what_is_wrong
@@ -192,9 +193,12 @@ def test_chinese_text_is_read(tmp_path: Path, text: str) -> None:
     assert read_lines(path) == [text]
 
 
-def test_a_file_that_memory_cannot_hold_is_refused_before_it_is_read(tmp_path: Path) -> None:
+def test_a_file_that_memory_cannot_hold_is_refused_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "image_points.csv"
     path.write_bytes(b"image,point,x,y\n")
     os.truncate(path, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))  # a hole as large as memory
-    with pytest.raises(ResourceError, match="GB of memory to read, and this machine has less"):
+    monkeypatch.setattr(text_file, "memory_bytes", lambda: 6e9)  # of a container
+    with pytest.raises(ResourceError, match="GB of memory to read, and there are 6 GB here"):
         read_lines(path)
