@@ -3,6 +3,7 @@
 Source: Baarda 1968, A testing procedure for use in geodetic networks (external reliability).
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,8 +16,8 @@ from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.result import BundleResult
 
 
-def harmful(block: BundleInput, result: BundleResult, group: Group, change: dict[str, Float]) -> Group:
-    """What a change does to coordinates, those of points first."""
+def with_change(block: BundleInput, result: BundleResult, group: Group, change: dict[str, Float]) -> Group:
+    """The group with what a change does to coordinates, those of points first."""
     for name, ids, what in ((POINT, block.point_ids, "point"), (POSE, block.image_ids, "projection centre of image")):
         if name not in change or not len(change[name]):
             continue
@@ -32,15 +33,27 @@ def harmful(block: BundleInput, result: BundleResult, group: Group, change: dict
     return group
 
 
-def with_harm(block: BundleInput, result: BundleResult, group: Group) -> Group:
-    """What the group as it is estimated in the end does to the coordinates of a result without it.
+def with_harm(block: BundleInput, result: BundleResult, groups: Sequence[Group], out: Sequence[bool]) -> list[Group]:
+    """The groups; those that are not left out with what they do, as they are estimated in the end, to the coordinates.
 
     A test looks one step ahead from where it is made; what a search ends with may have taken up most of an effect, as
     parameters of a camera do that are known beforehand.
+
+    Parameters
+    ----------
+    result : BundleResult
+        Without the unknowns of the groups.
+    out : (n,) bool
+        Groups that are left out.
     """
     adjusted = result.adjusted
-    if not adjusted.has_factor:
-        return group
+    if all(out) or not adjusted.has_factor:
+        return list(groups)
     adjusted = with_factor(replace(adjusted, problem=adjusted.problem.without_lanes()))
-    change = moved(adjusted, result.observations[group.place].observed.records, group.rows, group.effect)
-    return harmful(block, result, replace(group, harm=0.0, change_m=0.0, moved=""), change)
+
+    def judged(group: Group) -> Group:
+        records = result.observations[group.place].observed.records
+        change = moved(adjusted, records, group.rows, group.effect)
+        return with_change(block, result, replace(group, harm=0.0, change_m=0.0, moved=""), change)
+
+    return [g if is_out else judged(g) for g, is_out in zip(groups, out)]

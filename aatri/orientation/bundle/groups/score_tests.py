@@ -37,7 +37,7 @@ from aatri.orientation.bundle.groups.candidates import (
     dispersion_of,
 )
 from aatri.orientation.bundle.groups.group import Group, Key
-from aatri.orientation.bundle.groups.harm import harmful
+from aatri.orientation.bundle.groups.harm import with_change
 from aatri.orientation.bundle.result import BundleResult
 
 MOST_GROUPS, EXPLAINS = 4, 0.1
@@ -211,7 +211,7 @@ def _confirmed(
     if group.key in accepted or (single and t.joint.gain < single**2 + SEPARABLE):
         return None
     change = moved(adjusted, result.observations[group.place].observed.records, group.rows, group.effect)
-    group = harmful(block, result, group, change)
+    group = with_change(block, result, group, change)
     if group.harm <= 1.0:
         return None
     before, after, scale = _residuals(adjusted, result, group, change)

@@ -272,7 +272,7 @@ def _without_group_unknowns(
         break
     out = [any(g is o for o in (*left_out_groups, *marks)) for g in groups]
     estimated = [_with_estimate(g, k, done.result) for k, g in enumerate(groups)]
-    judged = [g if is_out else with_harm(block, result, g) for g, is_out in zip(estimated, out)]
+    judged = with_harm(block, result, estimated, out)
     return replace(done, inputs=inputs, result=result), tuple(map(AcceptedGroup, judged, out))
 
 
