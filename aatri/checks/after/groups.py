@@ -3,9 +3,10 @@
 Seen: positions off by a constant, heights that count from another surface, a camera with another constant, distances of
 a map: errors that single tests cannot find, and that spread over good observations.
 Test: `orientation.bundle.groups`: score tests of all causes of all groups, at 0.1 % for the block. The result
-contradicts its own tests where a group that is kept moves a coordinate of it by more of its standard deviations, those
-of the result (Baarda's external reliability), than the root of chi-square of its k parameters at 1 %, for which
-docs/methods/gross_errors.md has the reason; so it does where a camera has left the calibration of block.yaml by ten.
+contradicts its own tests where a group that is kept moves a coordinate x_i by more standard deviations (Baarda's
+external reliability) than the root of chi-square of its k parameters g at 1 %: one test for all coordinates, as all
+move by the same g, |dx_i| / sigma(dx_i) <= sqrt(g' C_g^-1 g) by Cauchy and Schwarz (docs/methods/gross_errors.md).
+So it does where a camera asks for another calibration, and has left that of block.yaml by ten standard deviations.
 """
 
 from collections.abc import Callable, Container, Iterator, Mapping
@@ -30,7 +31,6 @@ from aatri.units import FOOT_M, about
 LENGTHS = {"": 1.0, " in mm": 1e-3, " in cm": 1e-2, " in dm": 0.1, " in feet": FOOT_M}
 
 BLOCK_SHIFT = "positions: {drift: shift, per: block}"
-
 DRIFT = "`positions: {drift: %s, per: %s}` estimates it"
 
 RADIAL = (
