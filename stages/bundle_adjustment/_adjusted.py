@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections import Counter
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ from aatri.adapters.bundle.information_observed import (
 )
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.suspects import inherited
+from aatri.adjustment.records import residuals
 from aatri.arrays import Bool, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -33,12 +35,16 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.ids import several
 from aatri.notes import Note, tell
 from aatri.observations.attitudes import KIND as ATTITUDE
+from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.kinds.catalogue import options_without_data
-from aatri.observations.observed import ObservationSource
+from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS
+from aatri.orientation.bundle.groups.candidates import MARK
+from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.search import AcceptedGroup
+from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.plugin import Context
 
@@ -47,6 +53,11 @@ from ._self_calibration import ChosenSet, chosen_set, parameters_of
 
 if TYPE_CHECKING:
     from .bundle import BundleOptions
+
+FAILS_WITH = "no adjustment succeeds with what an earlier stage has left out altogether: it stays out"
+BETTER_WITHOUT = (
+    "what an earlier stage has left out altogether stays out: all else fits far better, no group explains it"
+)
 
 
 @dataclass(frozen=True)
@@ -105,14 +116,14 @@ def adjusted_bundle(
     staying_out = left_out.verdict != suspects.verdict
     try:
         done, groups, components = adjusted_block(source, inputs, options, context)
-        explained = any(g.group.kind in suspects.kind[staying_out] for g in groups)
-        if staying_out.any() and not explained:
+        if staying_out.any() and not any(_concerns_datum(g.group) for g in groups):
             with contextlib.suppress(ConvergenceError, GeometryError):
                 others = inputs_with(left_out, doubted)
                 without = adjusted_block(source, others[0], options, context)
-                if without[0].result.adjusted.sigma0 < MUCH_LESS * done.result.adjusted.sigma0:
+                kinds = suspects.kind[staying_out]
+                if fits_far_better(without[0].result, done.result, others[0].observed, kinds):
                     (done, groups, components), (inputs, share) = without, others
-                    tell([_stays_out(suspects, staying_out)], context)
+                    tell([_stays_out(BETTER_WITHOUT, suspects, staying_out)], context)
                     suspects = left_out
     except (ConvergenceError, GeometryError) as error:
         try:
@@ -128,7 +139,7 @@ def adjusted_bundle(
             report(exchanged_marks(block, image_points, inputs.poses, inputs.xyz_m), context)
             report(few_oriented(initial) if initial is not None else [], context)
             raise error from None
-        tell([_stays_out(suspects, staying_out)], context)
+        tell([_stays_out(FAILS_WITH, suspects, staying_out)], context)
         suspects = left_out
     if share is not None and not done.result.observations[-1].used.any():
         raise GeometryError(
@@ -165,7 +176,39 @@ def _with_information(
     return with_information(inputs, share, twice), share
 
 
-def _stays_out(suspects: Suspects, rows: Bool) -> Note:
+def _concerns_datum(group: Group) -> bool:
+    """Whether a group may be why an earlier stage has left out all control or positions.
+
+    What is wrong may be these, what they were held against, or a camera, as heights contradict a principal distance;
+    not points of a neighbourhood, an image or a strip, nor a single mark.
+    """
+    return group.per != MARK and (group.kind != IMAGE_POINT or group.per == "camera")
+
+
+def fits_far_better(
+    without: BundleResult, beside: BundleResult, stated: Sequence[Observed], kinds: Container[str]
+) -> bool:
+    """Whether what both results use of other kinds fits one without these far better than one with them.
+
+    Residuals and redundancy of the same observations count, in their standard deviations as stated: those of `kinds`
+    do not fit themselves, and a search may have enlarged all.
+    """
+    squares, redundancy = np.zeros(2), np.zeros(2)
+    for o, *of_results in zip(stated, without.observations, beside.observations):
+        same = all(np.array_equal(adjusted.observed.row, o.row) for adjusted in of_results)
+        if o.kind in kinds or o.exact or not same:
+            continue
+        rows = np.flatnonzero(of_results[0].used & of_results[1].used)
+        sigma = o.sigmas()[rows]
+        for k, (adjusted, result) in enumerate(zip(of_results, (without, beside))):
+            v = residuals(adjusted.observed.records, result.adjusted.state, rows)
+            explained = np.nan_to_num(np.einsum("nii->ni", adjusted.covariance[rows]))  # unknown: as if it were none
+            squares[k] += ((v[sigma > 0] / sigma[sigma > 0]) ** 2).sum()
+            redundancy[k] += (1.0 - explained[sigma > 0]).sum()
+    factor = np.sqrt(np.divide(squares, redundancy, out=np.full(2, np.inf), where=redundancy > 0))
+    return bool(factor[0] < MUCH_LESS * factor[1])
+
+
+def _stays_out(text: str, suspects: Suspects, rows: Bool) -> Note:
     counts = Counter(suspects.kind[rows].tolist())
-    text = "what an earlier stage has left out altogether fits no adjustment here, and stays out"
     return Note("warning", text, tuple(f"{n} {kind}" for kind, n in counts.items()))
