@@ -61,7 +61,9 @@ class GraphOptions(Options):
         8, ge=6, description="images with fewer points in common are a pair only where no others join them"
     )
     pairs_per_image: int | None = Field(
-        None, ge=3, description="of each image only the pairs of most common points; null: all"
+        None,
+        ge=3,
+        description="of each image only the pairs of most common points, and any of fewer than `min_points`; null: all",
     )
     snooping_limit: float = Field(4.0, gt=0, description="a point of a pair is rejected beyond this test statistic")
     positions: Literal["bases", "gnss", "random"] = Field(
@@ -171,8 +173,11 @@ def _models(block: Block, image_points: ImagePoints, options: GraphOptions, cont
     joining = joining_pairs(images, common, len(block.images), options.min_points, FEWEST_POINTS)
     images, common = images[joining], common[joining]
     if options.pairs_per_image is not None:
-        kept = strongest_pairs(images, common, len(block.images), options.pairs_per_image)
-        context.log(f"{int(kept.sum())} of {len(images)} pairs are oriented: those of most common points of each image")
+        kept = strongest_pairs(images, common, len(block.images), options.pairs_per_image, options.min_points)
+        context.log(
+            f"{int(kept.sum())} of {len(images)} pairs are oriented: those of most common points of each image, "
+            "and those that join what no others join"
+        )
         images = images[kept]
     pairs, (_, turned) = pairs_of(block, image_points, images), given_orientations(block)
 

@@ -74,8 +74,10 @@ def strip_pairs(block: Block, image_points: ImagePoints) -> tuple[Int, tuple[Not
     return np.concatenate([declared, *pairs]), (Note("warning", text, chain_names),)
 
 
-def strongest_pairs(images: Int, common: Int, n_images: int, most: int) -> Bool:
-    """The pairs of most common points of every image, (m,).
+def strongest_pairs(images: Int, common: Int, n_images: int, most: int, enough: int) -> Bool:
+    """The pairs of most common points of every image, and those of fewer than `enough`, (m,).
+
+    Of `joining_pairs` the latter are those without which parts fall asunder.
 
     Parameters
     ----------
@@ -87,7 +89,7 @@ def strongest_pairs(images: Int, common: Int, n_images: int, most: int) -> Bool:
     ends, m = images.T.ravel(), len(images)
     order = np.lexsort((np.tile(np.arange(m), 2), -np.tile(common, 2), ends))
     rank = np.arange(2 * m) - np.searchsorted(ends[order], np.arange(n_images))[ends[order]]
-    kept = np.zeros(m, dtype=bool)
+    kept = common < enough
     kept[order[rank < most] % max(m, 1)] = True
     return kept
 
