@@ -39,7 +39,8 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Mon
 def _no_helper_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Kernels are compiled and stages imported here: what `check` and `new` ask of another process is done here, too.
 
-    That they ask it is seen by `test_where_nothing_is_compiled_yet_nothing_is_compiled`.
+    That they ask it is seen by `test_where_nothing_is_compiled_yet_nothing_is_compiled`, and what errors
+    come back by `test_what_another_process_refuses_is_told_as_here`.
     """
     monkeypatch.setattr(compile_kernels, "without_compiler", lambda function, *arguments: function(*arguments))
 

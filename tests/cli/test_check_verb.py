@@ -14,7 +14,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from aatri.cli.main import app
+from aatri.pipeline.methods import compile_kernels
 from aatri.pipeline.store import inside
+
+WITHOUT_COMPILER = compile_kernels.without_compiler
+"""Which other tests do without."""
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"
 
@@ -59,6 +63,54 @@ def test_where_nothing_is_compiled_yet_nothing_is_compiled(
     assert done.stdout.endswith("False\n")
     assert ("nothing that a run would refuse" in done.stdout) == (arguments[0] == "check")
     assert not [*tmp_path.rglob("*.nbi")]
+
+
+OWN_ERROR = """
+
+class OddError(GeometryError):
+    exit_code = 5
+
+    def __init__(self, size: float, *, unit: str) -> None:
+        super().__init__(f"{size} {unit} is odd", remedy="give an even one")
+        self.tell = lambda: size
+"""
+VALIDATOR = """
+    @field_validator("example")
+    @classmethod
+    def _even(cls, value: float) -> float:
+        if value == 3.0:
+            raise OddError(value, unit="mm")
+        return value
+
+"""
+
+
+@pytest.mark.slow
+def test_what_another_process_refuses_is_told_as_here(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stages are imported in a process that ends; an error of a local stage may be of a class that only it knows."""
+    monkeypatch.setattr(compile_kernels, "without_compiler", WITHOUT_COMPILER)
+    monkeypatch.chdir(project)
+    pipeline, stage = project / "pipeline.yaml", project / "stages" / "interior_orientation" / "mine.py"
+    replaced(pipeline, "bundle_adjustment/bundle", "bundle_adjustment/bundl")
+    refused = check(project)
+    assert (refused.exit_code, "did you mean 'bundle_adjustment/bundle'" in refused.stderr) == (9, True)
+    replaced(pipeline, "bundle_adjustment/bundl", "bundle_adjustment/bundle")
+    assert CliRunner().invoke(app, ["new", "--plugin", "interior_orientation/mine"]).exit_code == 0
+    replaced(pipeline, "calibrated, from: {block}", "mine, from: {block}, with: {example: 2.0}")
+    code = stage.read_text(encoding="utf-8").replace("\n\n\nclass", f"{OWN_ERROR}\n\nclass", 1)
+    code = code.replace("\n\n\n@stage", f"\n{VALIDATOR}\n@stage", 1)
+    imports = "from pydantic import field_validator\nfrom aatri.errors import GeometryError\nfrom aatri.plugin"
+    stage.write_text(code.replace("from aatri.plugin", imports, 1), encoding="utf-8")
+    assert check(project, "--local-plugins").exit_code == 0
+    replaced(pipeline, "example: 2.0", "example: 3.0")
+    odd = check(project, "--local-plugins")
+    assert odd.exit_code == 5, odd.output
+    assert "3.0 mm is odd\n    fix: give an even one" in odd.stderr
+    assert "67 points" in odd.stdout
+    stage.write_text("import no_such_package\n" + stage.read_text(encoding="utf-8"), encoding="utf-8")
+    failing = check(project, "--local-plugins")
+    assert failing.exit_code == 9, failing.output
+    assert "cannot be imported: ModuleNotFoundError: No module named 'no_such_package'" in failing.stderr
 
 
 @pytest.mark.slow

@@ -2,7 +2,8 @@
 
 Processes of `multiprocessing` first import the script that runs here, and so run it again where it is not guarded by
 `if __name__ == "__main__"`; this one imports nothing but what the function needs. Functions, arguments, results and
-exceptions are pickled. What the function prints goes to stderr.
+exceptions are pickled; errors of classes of plugins, which the other process may not know, as errors that it does.
+What the function prints goes to stderr.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from aatri.errors import ResourceError
+from aatri.errors import AatriError, ResourceError
 
 R = TypeVar("R")
 
@@ -94,8 +95,31 @@ def serve() -> None:
                 function, arguments = pickle.load(calls)
             except EOFError:
                 return
-            pickle.dump(_answer(function, arguments), answers)
+            _Answers(answers).dump(_answer(function, arguments))
             answers.flush()
+
+
+class _Answers(pickle.Pickler):
+    """Pickles answers; errors in them, wherever they stand, as classes of aatri or Python."""
+
+    def reducer_override(self, part: object) -> Any:
+        """How an error of another class is made again: a module or parameters of its own may be missing there."""
+        if not isinstance(part, Exception) or _is_known(type(part)):
+            return NotImplemented
+        if not isinstance(part, AatriError):
+            return RuntimeError, (f"{type(part).__name__}: {part}",)
+        known = next(c for c in type(part).__mro__ if _is_known(c))
+        return _again, (known, part.what, part.where, part.remedy, part.exit_code)
+
+
+def _is_known(of: type) -> bool:
+    return of.__module__ == "builtins" or of.__module__.split(".")[0] == "aatri"
+
+
+def _again(of: type[AatriError], what: str, where: str, remedy: str, exit_code: int) -> AatriError:
+    error = of(what, where=where, remedy=remedy)
+    error.exit_code = exit_code
+    return error
 
 
 def _answer(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[bool, Any]:
