@@ -23,7 +23,7 @@ def memory_bytes() -> float:
     with contextlib.suppress(OSError, ValueError, AttributeError):
         machine = float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     files = [folder / name for folder in _groups("memory") for name in ("memory.limit_in_bytes", "memory.max")]
-    return min(machine, *(limit for file in files for limit in _numbers(file)), math.inf)
+    return min([machine, *(limit for file in files for limit in _numbers(file))])
 
 
 @lru_cache(maxsize=1)

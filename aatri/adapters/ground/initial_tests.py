@@ -15,7 +15,7 @@ from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
-from aatri.geometry.similarity import Similarity
+from aatri.geometry.similarity import UNKNOWNS, Similarity
 from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
@@ -37,12 +37,10 @@ STAGE = "initial_orientation"
 LEAST_SIGMA = 1e-6
 """Of what is exact, m or rad."""
 
-SIMILARITY = 7
-"""Parameters of a component on the ground."""
-
 CONTRADICTED = 0.02
-"""Deformation of a component, as a share of the distance of the images, beyond which scarce observations contradict
-each other: a principal distance a fifth off deforms so much over ground that rises by a tenth of the distance."""
+"""Deformation of a component, as a share of the distance of the images, beyond which scarce observations, or points
+shared with neighbours, contradict each other: a principal distance a fifth off deforms so much over ground that rises
+by a tenth of the distance."""
 
 DEFORMED = 5.0
 """Times the standard deviation of its points that a component may be deformed by without a warning."""
@@ -156,7 +154,7 @@ def deformation_notes(oriented: OrientedBody, body: FreeBody, precision: float, 
         reason = f"{row_shift}; {ONE_ROW}"
     places, ground = oriented.places, oriented.tied.problem.ground
     own = {u.name: int(u.free.sum()) for o in ground for u in o.unknowns}
-    spare = sum(int(observed_components(o).sum()) for o in ground) - SIMILARITY - sum(own.values())
+    spare = sum(int(observed_components(o).sum()) for o in ground) - UNKNOWNS - sum(own.values())
     if spare < places.given.sum(axis=1).max(initial=0) and strain(oriented, body) > CONTRADICTED:
         off_m = np.linalg.norm(np.where(places.given, places.xyz - places.observed_m, 0.0), axis=1)
         named = ", ".join(f"{places.name[k]} {off_m[k]:.2g} m" for k in np.argsort(-off_m, kind="stable"))

@@ -23,7 +23,7 @@ from scipy.linalg import block_diag, eigh
 from aatri.adjusting.added_variance import observed_components
 from aatri.adjustment.records import whitened
 from aatri.arrays import Float, Int
-from aatri.geometry.similarity import IDENTITY, Similarity, motions, transform
+from aatri.geometry.similarity import IDENTITY, UNKNOWNS, Similarity, motions, transform
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY
@@ -59,9 +59,6 @@ EXACT = 1e-6
 
 MOST = 8
 """Bodies that are tried together, as the time grows with the third power of their number: 8 take 4 s, 16 took 20."""
-
-UNKNOWNS = 7
-"""Of a similarity."""
 
 Placed = Mapping[int, Similarity]
 End = tuple[float, Placed]

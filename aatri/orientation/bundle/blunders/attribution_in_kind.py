@@ -102,10 +102,10 @@ class _Attribution:
         rows = np.concatenate([np.arange(part.start, part.stop) for i in places for part in [self.records.parts[i]]])
         rejected = rows[self.records.native[rows] & ~self.tested.active[rows] & ~exchanged[rows]]
         contradicting = rows[self.tested.active[rows] & above_limit[rows]]
-        worst = contradicting[[np.argmax(self.tested.test[contradicting])]] if len(contradicting) else contradicting
-        for row in worst.tolist():
-            if self._is_confusable(places, row):
-                self._try(places, rows, row)
+        if len(contradicting):
+            worst = int(contradicting[np.argmax(self.tested.test[contradicting])])
+            if self._is_confusable(places, worst):
+                self._try(places, rows, worst)
         for row in rejected.tolist() if len(rejected) <= MOST else ():
             if not self.tested.active[row] and not self.undecided[row] and self._is_confusable(places, row):
                 self._try(places, rows, row)
