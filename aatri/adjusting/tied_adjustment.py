@@ -181,13 +181,16 @@ def bent_ties(solved: TiedSolution, use: Bool, limit: float) -> Bool:
     bends, problem = np.zeros(len(use), dtype=bool), solved.problem
     for o, first, T, tests in zip(problem.ties, problem.edges, solved.whiteners, solved.tests):
         touched, part = dict(o.records.touches), slice(first, first + len(o))
-        if POINT not in touched or not (use[part] & (solved.test[part] > limit)).any():
+        above = use[part] & (solved.test[part] > limit)
+        if POINT not in touched or not above.any():
             continue
         body, point = touched[BODY].astype(np.int64), touched[POINT]
-        together = np.bincount(point, body + 1).astype(np.int64)[point]  # differs with the other bodies of the point
-        overlap = np.unique(body * (int(together.max()) + 1) + together, return_inverse=True)[1]
-        xyz, residual, test = solved.state[POINT][point], solved.residuals[part], solved.test[part]
-        bends[part] = bent(overlap, xyz, residual, T, tests.redundancy, test, use[part], limit)
+        together = np.bincount(point, body + 1).astype(np.int64)  # differs with the other bodies of the point
+        rows = np.flatnonzero(np.isin(body, np.unique(body[above])))
+        overlap = body[rows] * (int(together.max()) + 1) + together[point[rows]]
+        in_all, redundancy = first + rows, tests.redundancy[rows]
+        xyz, residual, test = solved.state[POINT][point[rows]], solved.residuals[in_all], solved.test[in_all]
+        bends[in_all] = bent(overlap, xyz, residual, T[rows], redundancy, test, use[in_all], limit)
     return bends
 
 

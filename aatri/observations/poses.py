@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import Ids, State, Unknowns
-from aatri.arrays import Bool, Float, finite_rows
+from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.geometry.rotations import exp_rotation, skew
-from aatri.geometry.similarity import motions
+from aatri.geometry.similarity import UNKNOWNS, motions
 
 POSE = "image"
 POINT = "point"
@@ -75,23 +76,35 @@ def by_unknowns(group: str, by_position: Float) -> Float:
     return np.concatenate([by_position, np.zeros_like(by_position)], axis=2)
 
 
-def pose_generator(state: State) -> Float:
-    """Shifts, rotations about the origin and scale of all poses, (n, 6, 7)."""
-    x: Float = state[POSE].position_m
+def pose_generator(state: State, rows: Int | slice = slice(None)) -> Float:
+    """Shifts, rotations about the origin and scale of all poses or some, (n, 6, 7)."""
+    x: Float = state[POSE].position_m[rows]
     moves = np.zeros((len(x), 6, 7))
     moves[:, :3] = motions(x)
     moves[:, 3:, 3:6] = np.eye(3)
     return moves
 
 
-def point_generator(state: State) -> Float:
-    """The same of all ground points, (n, 3, 7)."""
-    return motions(state[POINT])
+def point_generator(state: State, rows: Int | slice = slice(None)) -> Float:
+    """The same of ground points, (n, 3, 7)."""
+    return motions(state[POINT][rows])
 
 
-def generators(state: State) -> dict[str, Float]:
-    """How a similarity moves poses and ground points, by group."""
-    return {POINT: point_generator(state)} | ({POSE: pose_generator(state)} if POSE in state else {})
+GENERATORS = {POSE: pose_generator, POINT: point_generator}
+"""How a similarity moves poses and ground points, by group."""
+
+
+def by_similarity(records: Records, rows: Int, jacobians: tuple[Float, ...], state: State) -> Float:
+    """Derivatives of some records by shift, rotation and scale of all poses and points, (n, m, 7).
+
+    Parameters
+    ----------
+    jacobians : tuple of (n, m, s) float64
+        Of these rows, one for each touched group; groups other than poses and points stay.
+    """
+    touching = zip(records.touches, jacobians)
+    parts = [J @ GENERATORS[group](state, block[rows]) for (group, block), J in touching if group in GENERATORS]
+    return np.asarray(sum(parts, np.zeros((len(rows), records.rows, UNKNOWNS))))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ import numpy as np
 from aatri.adapters.ground.ground_observed import DISTANCES, Chosen, GroundObserved, strain
 from aatri.adapters.solution import suspect_rows
 from aatri.adjusting.added_variance import observed_components
-from aatri.adjustment.records import times
 from aatri.adjustment.statistics.limits import OFF_SIGMAS
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
@@ -22,7 +21,7 @@ from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
-from aatri.observations.poses import POINT, POSE, generators
+from aatri.observations.poses import POINT, POSE, by_similarity
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.absolute import OrientedBody
@@ -118,11 +117,11 @@ def _of_places(observed: Sequence[Observed]) -> list[Observed]:
 
 def _ratios(distances: Sequence[Observed], state: State) -> tuple[Float, Float]:
     """Distances over their lengths in a component, and these: the derivatives by its scale."""
-    moves, ratio, lengths = generators(state), [], []
+    ratio, lengths = [], []
     for o in distances:
         rows = np.arange(len(o))
         v, jacobians = o.records.evaluate(state, rows)
-        length = times(o.records, rows, jacobians, moves)[:, 0, 6]
+        length = by_similarity(o.records, rows, jacobians, state)[:, 0, 6]
         ratio.append(1.0 - v[:, 0] / length)
         lengths.append(length)
     return np.concatenate(ratio), np.concatenate(lengths)

@@ -79,8 +79,9 @@ def strip_notes(
 
     Ties carry control from strip to strip, but not beyond all of it: where no strip has any, all bend together.
     """
-    distant = np.setdiff1d(np.flatnonzero(np.isin(strips.strip_points.strip, ground.strips)), ground.rows)
-    if len(distant):
+    distant = np.isin(strips.strip_points.strip, ground.strips)
+    distant[ground.rows] = False
+    if distant.any():
         ids = block.points.id[np.unique(strips.strip_points.point[distant])]
         text = "points at infinity, or so uncertain that they may be, left out of the strips that hold them so"
         yield Note("warning", text, tuple(ids.tolist()))
@@ -97,18 +98,21 @@ def strip_notes(
     control[ground.control.point[tied.active[len(points.point) :]]] = True
     controlled_points |= control[points.point]
     at_control = result.point_m[control & np.isfinite(result.point_m[:, 0])]
+    used = np.flatnonzero(active)
+    used = used[np.argsort(points.strip[used], kind="stable")]
+    bounds = np.searchsorted(points.strip[used], np.arange(len(names) + 1))
     for k, name in enumerate(names):
-        of_strip = (points.strip == k) & active
-        shared = of_strip & often
-        if shared.any():
+        of_strip = used[bounds[k] : bounds[k + 1]]
+        shared = of_strip[often[of_strip]]
+        if len(shared):
             x, y, z = np.sqrt((v[shared] ** 2).mean(axis=0))
             largest = np.abs(v[shared]).max()
-            text = f"strip {name}: RMS of {int(shared.sum())} tie residuals X {x:.3f}, Y {y:.3f}, Z {z:.3f} m"
+            text = f"strip {name}: RMS of {len(shared)} tie residuals X {x:.3f}, Y {y:.3f}, Z {z:.3f} m"
             yield Note("note", f"{text}, largest {largest:.3f} m")
         bends = int(result.degree[k].max()) > 0
         axes = ground.axes[k]
         controlled = ((at_control - axes.origin_m) @ axes.ground_from_axes)[:, :2] / axes.half_range_m
-        off = _beyond(local[of_strip], local[of_strip & controlled_points] if bends else local[:0])
+        off = _beyond(local[of_strip], local[of_strip[controlled_points[of_strip]]] if bends else local[:0])
         far = _beyond(local[of_strip], controlled if bends else local[:0])
         own, of_block = off > BEYOND, far > BEYOND_ALL
         for rows, by, what in ((own, off, "its control and ties"), (of_block & ~own, far, "all control of the block")):

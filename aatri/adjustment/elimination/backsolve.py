@@ -20,12 +20,12 @@ from aatri.arrays import Float
 def solve_columns(problem: IndexedProblem, factored: Factored, right: Float) -> Float:
     """Solve the reduced normal equations for several right-hand sides, (n_kept, m); zero where held."""
     x = np.where(problem.layout.fixed[:, None], 0.0, right)
-    up_the_tree(problem.tree, factored.factor.panel, x)
+    up_the_tree(problem.tree, factored.factor.all_panels, x)
     if factored.joint is not None and factored.joint.covariance is not None:
         # the other parts have nothing on their right-hand sides
         shared = shared_columns(problem)
         x[shared] = factored.joint.covariance @ x[shared]
-    down_the_tree(problem.tree, factored.factor.panel, x)
+    down_the_tree(problem.tree, factored.factor.all_panels, x)
     return np.where(problem.layout.fixed[:, None], 0.0, x)
 
 

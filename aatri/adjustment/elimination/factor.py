@@ -44,16 +44,21 @@ class Factor:
         ResourceError
             If there is no factor.
         """
+        return self.all_panels[k]
+
+    @property
+    def all_panels(self) -> Panels:
+        """Those of all nodes, as `panel`."""
         if self.panels is None:
             raise without_factor()
-        return self.panels[k]
+        return self.panels
 
     def solution(self, tree: Tree, y: Sequence[Float], n_kept: int) -> Float:
         """Solution of the reduced normal equations, (n_kept,), whose forward-substituted right-hand side is y."""
         if self.x is not None:
             return self.x
         x = forward_substituted(tree, y, n_kept)
-        down_the_tree(tree, self.panel, x[:, None])
+        down_the_tree(tree, self.all_panels, x[:, None])
         return x
 
     def release(self, k: int) -> None:

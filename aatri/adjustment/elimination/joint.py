@@ -48,7 +48,7 @@ def joined(
     )
     x = forward_substituted(problem.tree, factored.y, problem.layout.n_kept)
     x[columns] = reply.x
-    down_the_tree(problem.tree, factored.factor.panel, x[:, None])
+    down_the_tree(problem.tree, factored.factor.all_panels, x[:, None])
     factored.factor = Factor(factored.factor.panels, x)
     factored.cost, factored.joint = reply.cost, reply
     factored.diagonal[columns] = reply.diagonal

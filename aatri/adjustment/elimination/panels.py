@@ -7,9 +7,13 @@ operating system allows that, and is gone with the factor, after an error too. W
 for bit.
 """
 
+from __future__ import annotations
+
 import tempfile
 import weakref
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import zip_longest
 from threading import Lock
 
 import numpy as np
@@ -20,13 +24,11 @@ from aatri.arrays import Float
 from aatri.errors import ResourceError
 
 
-def up_the_tree(tree: Tree, panel: Callable[[int], Float], x: Float, nodes: Iterable[int] | None = None) -> None:
+def up_the_tree(tree: Tree, panels: Panels, x: Float, nodes: Iterable[int] | None = None) -> None:
     """Forward substitution of right-hand sides (n_kept, m), in place: x <- L^-1 x, at some nodes or all.
 
     Parameters
     ----------
-    panel : callable
-        Panel of a node.
     nodes : iterable of int, optional
         Children before their parents.
     """
@@ -35,18 +37,32 @@ def up_the_tree(tree: Tree, panel: Callable[[int], Float], x: Float, nodes: Iter
         nonzero = np.flatnonzero(x[columns[: tree.nodes[k].panel]].any(axis=0))
         if len(nonzero):
             front = np.asfortranarray(x[np.ix_(columns, nonzero)])
-            lapack.forward_columns(panel(k), front)
+            lapack.forward_columns(panels[k], front)
             x[np.ix_(columns, nonzero)] = front
 
 
-def down_the_tree(tree: Tree, panel: Callable[[int], Float], x: Float, nodes: Iterable[int] | None = None) -> None:
+def down_the_tree(tree: Tree, panels: Panels, x: Float, nodes: Iterable[int] | None = None) -> None:
     """Back substitution, in place: x <- L^-T x, at some nodes, parents before their children, or all."""
-    for k in reversed(range(len(tree.nodes))) if nodes is None else nodes:
-        columns, own = tree.nodes[k].columns, tree.nodes[k].panel
-        if own and x.shape[1]:
-            front = np.asfortranarray(x[columns])
-            lapack.backward_columns(panel(k), front)
-            x[columns[:own]] = front[:own]
+    order = reversed(range(len(tree.nodes))) if nodes is None else nodes
+    for k, panel in _read_ahead(panels, [k for k in order if tree.nodes[k].panel and x.shape[1]]):
+        columns = tree.nodes[k].columns
+        front = np.asfortranarray(x[columns])
+        lapack.backward_columns(panel, front)
+        x[columns[: panel.shape[1]]] = front[: panel.shape[1]]
+
+
+def _read_ahead(panels: Panels, nodes: Sequence[int]) -> Iterator[tuple[int, Float]]:
+    """Nodes with their panels, in this order; from a file the next is read while one is worked on."""
+    if isinstance(panels, list):
+        yield from ((k, panels[k]) for k in nodes)
+        return
+    with ThreadPoolExecutor(1) as reader:
+        coming = [reader.submit(panels.__getitem__, k) for k in nodes[:1]]
+        for k, following in zip_longest(nodes, nodes[1:]):
+            panel = coming.pop().result()
+            if following is not None:
+                coming.append(reader.submit(panels.__getitem__, following))
+            yield k, panel
 
 
 class PanelsInFile:

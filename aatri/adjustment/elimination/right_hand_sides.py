@@ -74,7 +74,7 @@ def forward(problem: IndexedProblem, factored: Factored, state: State, right: Si
     """U = L^-1 R."""
     x, of_block = without_blocks(problem, factored, state, right)
     with one_blas_thread():  # a few columns are not worth a second thread
-        up_the_tree(problem.tree, factored.factor.panel, x)
+        up_the_tree(problem.tree, factored.factor.all_panels, x)
     return Sides(x, right.block, of_block)
 
 
@@ -94,7 +94,7 @@ def backward(
     """Z = L^-T U by group and block, (n, k, m) each; zero for held scalars. `of_groups` are the groups, or all."""
     x = u.kept.copy()
     with one_blas_thread():
-        down_the_tree(problem.tree, factored.factor.panel, x)
+        down_the_tree(problem.tree, factored.factor.all_panels, x)
     x[problem.layout.fixed] = 0.0
     padded = np.vstack([x, np.zeros((1, x.shape[1]))])
     solution: dict[str, Float] = {}

@@ -53,13 +53,13 @@ class Preconditioner:
     def solve(self, right: Float) -> Float:
         """M^-1 times a vector, (n_kept,)."""
         x, tree = right.copy(), self.problem.tree
-        up_the_tree(tree, self.panels.__getitem__, x[:, None], self.below)
+        up_the_tree(tree, self.panels, x[:, None], self.below)
         for columns, L in self.pieces:
             part = x[columns]
             lapack.forward(L, part)
             lapack.backward(L, part)
             x[columns] = part
-        down_the_tree(tree, self.panels.__getitem__, x[:, None], reversed(self.below))
+        down_the_tree(tree, self.panels, x[:, None], reversed(self.below))
         return x
 
 

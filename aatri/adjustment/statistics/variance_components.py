@@ -28,6 +28,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtri, gammaincinv
 
+from aatri.adjustment.threads import in_threads
 from aatri.arrays import Bool, Float, Int
 
 LEAST_SHARE = 0.02
@@ -78,17 +79,17 @@ def common_sigma(squares: Float, known_variance: Float, share: Float, *, robust:
     np.maximum(values, 1e-12 * largest, out=values)
 
     def excess(tau: float) -> float:
-        of_all = 0.0
-        for part in (slice(first, first + CHUNK) for first in range(0, len(sums), CHUNK)):
-            terms = q[:, part] / (values[:, part] + tau**2)
-            if robust:
-                np.divide(np.add.reduce(terms), middle[part], out=sums[part])
-            else:
-                of_all += float(terms.sum())
+        def part(first: int, last: int) -> None:
+            for chunk in (slice(a, min(a + CHUNK, last)) for a in range(first, last, CHUNK)):
+                np.add.reduce(q[:, chunk] / (values[:, chunk] + tau**2), out=sums[chunk])
+                if robust:
+                    sums[chunk] /= middle[chunk]
+
+        in_threads(len(sums), part)
         if robust:
             sums.partition([half - 1, half] if len(sums) % 2 == 0 else half)
             return float((sums[half] if len(sums) % 2 else 0.5 * (sums[half - 1] + sums[half])) - 1)
-        return float(of_all / total - 1)
+        return float(sums.sum() / total - 1)
 
     if excess(0.0) <= 0:
         return 0.0

@@ -25,13 +25,12 @@ from scipy.sparse.linalg import splu
 
 from aatri.adjusting.added_variance import observed_components
 from aatri.adjusting.tied_problem import is_coordinates
-from aatri.adjustment.records import times
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
 from aatri.geometry.similarity import motions, motions_about
 from aatri.observations.observed import Observed
-from aatri.observations.poses import POINT, POSE, generators, position
+from aatri.observations.poses import GENERATORS, POINT, POSE, by_similarity, position
 
 UNDETERMINED = 0.04
 NAMED = 0.3
@@ -145,7 +144,7 @@ def analyse_datum(
 
 def _seen(observed: Sequence[Observed], state: State, use: Bool | None, extent: float) -> Float:
     """What observations see of shift, rotation and change of scale, (k, 7), their own unknowns eliminated."""
-    moves, free = generators(state), {u.name: u.free for o in observed for u in o.unknowns}
+    free = {u.name: u.free for o in observed for u in o.unknowns}
     own = list(free)
     seen, parts, k, first = [np.zeros((0, 7))], list[list[Float]](), 0, 0
     for o in observed:
@@ -153,13 +152,13 @@ def _seen(observed: Sequence[Observed], state: State, use: Bool | None, extent: 
         counted = np.where(observed_components(o)[rows], 1.0 if o.unit == "m" else extent, 0.0)[:, :, None]
         number, jacobians = k + np.arange(counted.size).reshape(counted.shape), o.records.evaluate(state, rows)[1]
         for (group, block), by_block in zip(o.records.touches, jacobians):
-            if group not in moves:
+            if group not in GENERATORS:
                 at = number, own.index(group), block[rows].astype(np.int64)[:, None, None], np.arange(by_block.shape[2])
                 value, *columns_of_rows = np.broadcast_arrays(
                     counted * by_block * free[group][block[rows]][:, None], *at
                 )
                 parts.append([value.ravel(), *(x.ravel() for x in columns_of_rows)])
-        seen.append((counted * times(o.records, rows, jacobians, moves)).reshape(-1, 7))
+        seen.append((counted * by_similarity(o.records, rows, jacobians, state)).reshape(-1, 7))
         k, first = k + counted.size, first + len(o)
     J = np.concatenate(seen)
     if not parts:

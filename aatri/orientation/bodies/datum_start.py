@@ -22,7 +22,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjusting.added_variance import observed_components, whitener_beside
-from aatri.adjustment.records import Records, times, whitened
+from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int
@@ -33,7 +33,7 @@ from aatri.geometry.two_point import farthest_apart, two_point_frame
 from aatri.ids import several
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.observed import Observed
-from aatri.observations.poses import POINT, POSE, generators
+from aatri.observations.poses import GENERATORS, POINT, POSE, by_similarity
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.datum_analysis import GivenPlaces
@@ -199,10 +199,11 @@ def scaled(observed: Sequence[Observed], use: Bool, body: FreeBody, start: Simil
     What these do not see by a standard deviation, if the body is shifted by its size or doubled, stays as it is.
     """
     plain = [of_body(o.records, body) for o in weighed(observed, use) if len(o) and o.records.groups <= {POSE, POINT}]
+    extent = float(np.linalg.norm(np.ptp(body.places, axis=0))) if plain else 0.0
     for _ in range(LINEAR_STEPS if plain else 0):
         rows = [whitened(r, {BODY: start}, np.arange(len(r.active))) for r in plain]
         J = np.concatenate([A[0].reshape(-1, 7) for _, A in rows])
-        size = np.append(np.full(3, start.scale * np.linalg.norm(np.ptp(body.places, axis=0))), 1.0)
+        size = np.append(np.full(3, start.scale * extent), 1.0)
         U, singular_values, Vt = np.linalg.svd(J[:, SHIFT_AND_SCALE] * size, full_matrices=False)
         along = U.T @ np.concatenate([w.ravel() for w, _ in rows])
         step = np.zeros((1, 7))
@@ -222,13 +223,13 @@ def retracted(value: Similarity, step: Float) -> Similarity:
 
 def of_body(records: Records, body: FreeBody) -> Records:
     """The same records, as observations of the body."""
-    is_of_body = [group in (POSE, POINT) for group, _ in records.touches]
+    is_of_body = [group in GENERATORS for group, _ in records.touches]
     others = tuple(touch for touch, of_body in zip(records.touches, is_of_body) if not of_body)
 
     def evaluate(state: State, rows: Int) -> tuple[Float, tuple[Float, ...]]:
         current = {**state, **body.on_ground(state[BODY])}
         v, jacobians = records.evaluate(current, rows)
-        J = times(records, rows, jacobians, generators(current))
+        J = by_similarity(records, rows, jacobians, current)
         return v, (J, *(by_block for by_block, of_body in zip(jacobians, is_of_body) if not of_body))
 
     if not any(is_of_body):  # what is known beforehand of unknowns of their own

@@ -11,6 +11,7 @@ Both are judged with equal weights of all strips' points and control held, so th
 plan and height have nothing to do with each other. N is what the elimination of the ground points leaves.
 """
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,9 @@ HELD = 1e-2
 """Standard deviation of control, as a share of that of the strips' points."""
 
 PARTS = ("plan", "height")
+
+LARGE = 2_000
+"""Rows of a matrix from which its eigenvalues are worth a second thread of BLAS."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,7 @@ def determined_degrees(
         -1 without correction.
     falls : list of Fall
     """
-    with one_blas_thread():  # matrices of some hundred rows
+    with one_blas_thread() if len(count) * basis.size < LARGE else nullcontext():
         degrees, falls = highest.copy(), []
         N = _normal_matrix(problem, use)
         for part in (0, 1):

@@ -77,14 +77,14 @@ class FreeBody:
 
     def moved(self, to: Similarity) -> "FreeBody":
         """The same after a similarity."""
-        poses = Poses(transform(to, self.poses.position_m), to.rotation @ self.poses.ground_from_image)
+        placed = self.on_ground(to)
         of_points, of_centres = (transform_covariance(to, C) for C in (self.covariance, self.centre_covariance))
-        return FreeBody(poses, transform(to, self.xyz), of_points, of_centres, self.turn_rad)
+        return FreeBody(placed[POSE], placed[POINT], of_points, of_centres, self.turn_rad)
 
     def on_ground(self, to: Similarity) -> dict[str, Any]:
         """Its images and points after a similarity, as a state of unknowns."""
-        moved = self.moved(to)
-        return {POSE: moved.poses, POINT: moved.xyz}
+        poses = Poses(transform(to, self.poses.position_m), to.rotation @ self.poses.ground_from_image)
+        return {POSE: poses, POINT: transform(to, self.xyz)}
 
 
 def at_a_distance(xyz: Float, covariance: Float, centres: Float) -> Bool:
