@@ -197,12 +197,11 @@ def inherited(
 
 def _all_left_out(solution: Solution, staying: Bool, kind: str) -> bool:
     """Whether several observations of a kind were rejected, and none took part; not two exchanged control points."""
-    of_kind = solution.residuals.kind == kind
     error = np.nan_to_num(solution.suspects.error[staying & (solution.suspects.kind == kind)])
     sizes = np.linalg.norm(error, axis=1)
     if kind == CONTROL and len(error) == 2 and np.linalg.norm(error.sum(axis=0)) < SHARE_REJECTED * sizes.min():
         return False  # each is off by the way to the other
-    return len(error) > 1 and not solution.residuals.active[of_kind].any()
+    return len(error) > 1 and not len(solution.residuals.used(kind))
 
 
 def _verdicts(done: AdjustedBlock, o: Observed, rows: Int) -> Text:

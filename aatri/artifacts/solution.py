@@ -6,6 +6,8 @@ not applied to them. NaN is *not determined*; covariances of methods that give n
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -130,6 +132,29 @@ class Residuals(Table):
     sigma: Float = column("f8", 3, unit="see unit", doc="a priori standard deviation; 0 exact", optional=True)
     active: Bool = column("bool", doc="False if rejected: then the residual is that of a predicted value")
     unit: Text = column("str", doc="unit of residual and sigma; empty: that of the parameter")
+
+    @cached_property
+    def _runs(self) -> dict[str, list[tuple[int, int]]]:
+        """First and last row of each kind: millions follow each other, and are compared as texts once."""
+        edges = np.flatnonzero(self.kind[1:] != self.kind[:-1]) + 1
+        runs: dict[str, list[tuple[int, int]]] = {}
+        for first, last in pairwise([0, *edges.tolist(), len(self.kind)] if len(self.kind) else []):
+            runs.setdefault(str(self.kind[first]), []).append((first, last))
+        return runs
+
+    @property
+    def kinds(self) -> list[str]:
+        """Kinds that have rows, in the order of the alphabet."""
+        return sorted(self._runs)
+
+    def of_kind(self, kind: str) -> Int:
+        """Rows of a kind, in use or not."""
+        return np.concatenate([np.arange(0), *(np.arange(*run) for run in self._runs.get(kind, []))])
+
+    def used(self, kind: str) -> Int:
+        """Rows of a kind that are in use."""
+        rows = self.of_kind(kind)
+        return rows[self.active[rows]]
 
 
 @dataclass(frozen=True, eq=False)

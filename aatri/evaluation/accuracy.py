@@ -116,7 +116,7 @@ def _aligned_to_truth(block: Block, solution: Solution) -> Alignment | None:
 
 def _positions_count(solution: Solution) -> bool:
     """Whether a comparison with observed positions says anything: the datum is given, or rests on them too."""
-    return solution.datum is None or bool((solution.residuals.active & (solution.residuals.kind == "position")).any())
+    return solution.datum is None or len(solution.residuals.used("position")) > 0
 
 
 def _datum_figures(

@@ -115,13 +115,13 @@ def _determined(block: Block, solution: Solution) -> Determined:
         [np.zeros(0, "U1")],
         [np.zeros(0)],
     )
-    control, position = r.active & (r.kind == "control"), r.active & (r.kind == "position")
-    if control.any():
+    control, position = r.used("control"), r.used("position")
+    if len(control):
         xyz.append(solution.points.xyz_m[rows_of(r.point[control], block.points.id)])
         is_determined.append(np.isfinite(r.residual[control]))
-        groups.append(np.full(int(control.sum()), ""))
-        times.append(np.zeros(int(control.sum())))
-    if position.any():
+        groups.append(np.full(len(control), ""))
+        times.append(np.zeros(len(control)))
+    if len(position):
         image = rows_of(r.image[position], block.images.id)
         group = np.full(len(block.images), "", dtype=block.exterior.drift_group.dtype)
         group[block.exterior.image] = block.exterior.drift_group
@@ -129,7 +129,7 @@ def _determined(block: Block, solution: Solution) -> Determined:
         is_determined.append(np.isfinite(r.residual[position]))
         groups.append(group[image])
         times.append(group_times(block.images.time_s[image], block.images.sequence[image], group[image]))
-    scale = bool((r.active & np.isin(r.kind, SCALE_KINDS)).any())
+    scale = any(len(r.used(kind)) for kind in SCALE_KINDS)
     weight = _without_drift(np.concatenate(groups), np.concatenate(times))
     return Determined(np.concatenate(xyz), weight, np.concatenate(is_determined), scale)
 

@@ -81,7 +81,8 @@ def is_new(block: Block) -> Bool:
 def rejected_control(block: Block, solution: Solution) -> Int:
     """Rows in `points` of control points the adjustment rejected."""
     residuals = solution.residuals
-    rows = (residuals.kind == "control") & ~residuals.active
+    rows = residuals.of_kind("control")
+    rows = rows[~residuals.active[rows]]
     return np.unique(rows_of(residuals.point[rows], block.points.id))
 
 

@@ -101,7 +101,7 @@ def _reliability(solution: Solution) -> dict[str, float]:
     if solution.tests is not None:
         r, t = solution.residuals, solution.tests
         for kind in ("image_point", "control", "position"):
-            size = t.detectable[(r.kind == kind) & r.active]
+            size = t.detectable[r.used(kind)]
             size = size[np.isfinite(size)] * (1e3 if kind == "image_point" else 1.0)
             if len(size):
                 unit = "um" if kind == "image_point" else "m"

@@ -111,7 +111,7 @@ def _observed_covariances(block: Block, solution: Solution, control: PointDiffer
     ground, residuals = block.ground_points, solution.residuals
     row = {int(p): k for k, p in enumerate(ground.point)}
     covariance = ground.covariance_m2[[row[int(p)] for p in control.point]].copy().reshape(-1, 3, 3)
-    rows = np.flatnonzero((residuals.kind == "control") & residuals.active)
+    rows = residuals.used("control")
     sigma = np.full((len(block.points), 3), np.nan)
     sigma[rows_of(residuals.point[rows], block.points.id)] = residuals.sigma[rows]
     nominal_sigma = np.sqrt(np.einsum("nii->ni", covariance))

@@ -61,7 +61,8 @@ def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> M
         In the same frame.
     """
     r = solution.residuals
-    rows = np.flatnonzero((r.kind == "image_point") & r.active & (r.row >= 0))
+    rows = r.used("image_point")
+    rows = rows[r.row[rows] >= 0]
     image, point = block.image_points.image[r.row[rows]], block.image_points.point[r.row[rows]]
     finite = np.isfinite(xyz_m[point]).all(axis=1) & np.isfinite(poses.position_m[image]).all(axis=1)
     finite &= np.isfinite(r.residual[rows, :2]).all(axis=1)

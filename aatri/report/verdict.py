@@ -120,7 +120,7 @@ def _suspects(stage: StageView | None, solution: Solution | None) -> Light:
     rejected = staying_out(solution.suspects)
     others = int((~rejected).sum())
     of_stage = solution.suspects.stage == stage.use.partition("/")[0]
-    own = rejected & (of_stage | np.isin(solution.suspects.kind, np.unique(solution.residuals.kind)))
+    own = rejected & (of_stage | np.isin(solution.suspects.kind, solution.residuals.kinds))
     words = f"{stage.name}: {_by_kind(solution, own)} rejected"
     words += f", {number(others)} kept or readmitted" if others else ""
     if (rejected & ~own).any():

@@ -89,7 +89,7 @@ def test_cells_of_the_format_show_their_own_mean() -> None:
 
 def test_each_strip_has_its_tie_residuals_in_plan_and_height() -> None:
     d = np.array([[0.03, 0.0, 0.1], [0.0, 0.04, 0.1], [-0.05, 0.0, -0.1], [0.0, -0.02, -0.1]])
-    pictures = tie_pictures({"1": (XYZ_M, d, IDS), "2": (XYZ_M, 2 * d, IDS)})
+    pictures = tie_pictures({"1": (XYZ_M, d, IDS), "2": (XYZ_M, 2 * d, IDS)}, 0)
     assert [p.name for p in pictures] == ["ties_1_plan", "ties_1_height", "ties_2_plan", "ties_2_height"]
     assert "RMS X 29.2 mm, Y 22.4 mm, Z 100 mm" in pictures[0].caption  # roots of 0.0034/4, 0.002/4, 0.01
     assert _vectors(pictures[1])[:, 1] == pytest.approx(d[:, 2])

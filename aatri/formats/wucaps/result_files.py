@@ -52,7 +52,7 @@ def _points(solution: Solution) -> list[str]:
 
 def _image_residuals(solution: Solution) -> list[str]:
     r, lines = solution.residuals, list[str]()
-    rows = np.flatnonzero((r.kind == "image_point") & r.active)
+    rows = r.used("image_point")
     for image in dict.fromkeys(r.image[rows].tolist()):
         of_image = rows[r.image[rows] == image]
         lines.append(f"{image} {len(of_image)}")
@@ -62,7 +62,7 @@ def _image_residuals(solution: Solution) -> list[str]:
 
 def _control_residuals(solution: Solution) -> list[str]:
     r = solution.residuals
-    rows = np.flatnonzero((r.kind == "control") & r.active)
+    rows = r.used("control")
     return [_line(r.point[row], np.nan_to_num(r.residual[row])[NORTH_EAST]) for row in rows]
 
 

@@ -137,7 +137,7 @@ def redundancy_chart(solution: Solution) -> Picture | None:
     residuals, tests = solution.residuals, solution.tests
     if tests is None:
         return None
-    r = tests.redundancy[(residuals.kind == "image_point") & residuals.active]
+    r = tests.redundancy[residuals.used("image_point")]
     r = r[np.isfinite(r)]
     if not len(r):
         return None

@@ -28,8 +28,10 @@ def rays_in_use(block: Block, solution: Solution | None) -> Bool:
     """Which image points of the block are in use, (n,): active, and not left out by the adjustment."""
     used: Bool = block.image_points.active.copy()
     if solution is not None:
-        out = (solution.residuals.kind == "image_point") & ~solution.residuals.active & (solution.residuals.row >= 0)
-        used[solution.residuals.row[out]] = False
+        residuals = solution.residuals
+        rows = residuals.of_kind("image_point")
+        out = residuals.row[rows[~residuals.active[rows]]]
+        used[out[out >= 0]] = False
     return used
 
 
@@ -72,7 +74,8 @@ def ray_scales(block: Block, solution: Solution) -> tuple[Int, Float, Float]:
 def measured_on_ground_m(block: Block, solution: Solution) -> float:
     """What an image point measures on the ground: standard deviation times scale number, median; NaN without images."""
     r = solution.residuals
-    usable = np.flatnonzero((r.kind == "image_point") & r.active & (r.row >= 0))
+    usable = r.used("image_point")
+    usable = usable[r.row[usable] >= 0]
     sigma_mm = np.full(len(block.image_points), np.nan)
     sigma_mm[r.row[usable]] = r.sigma[usable, :2].mean(axis=1)
     rows, _, scale = ray_scales(block, solution)

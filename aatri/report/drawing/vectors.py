@@ -75,18 +75,19 @@ def both(name: str, groups: Vectors, title: str, between: str) -> list[Picture]:
     return [picture for picture in made if picture is not None]
 
 
-def tie_pictures(strips: Mapping[str, tuple[Float, Float, Sequence[str]]]) -> list[Picture]:
-    """Tie residuals of each strip in plan and in height: smooth ones are a deformation that is left.
+def tie_pictures(strips: Mapping[str, tuple[Float, Float, Sequence[str]]], hidden: int) -> list[Picture]:
+    """Tie residuals of some strips in plan and in height: smooth ones are a deformation that is left.
 
     Parameters
     ----------
     strips : {strip: (xyz_m, residual_m, ids)}
         (n, 3) float64, m; the mean of the strips minus the single strip.
+    hidden : int
+        How many more there are.
     """
     pictures = []
-    hidden = max(len(strips) - MOST_STRIPS, 0)
     more = f" {several(hidden, 'more strip', 'is', 'are')} not drawn." if hidden else ""
-    for name, of_strip in list(strips.items())[:MOST_STRIPS]:
+    for name, of_strip in strips.items():
         rms = ", ".join(
             f"{a} {length_text(float(np.sqrt(np.nanmean(of_strip[1][:, k] ** 2))))}" for k, a in enumerate("XYZ")
         )

@@ -61,10 +61,8 @@ def shapes_table(block: Block, solution: Solution) -> PageTable | None:
     conditions = np.flatnonzero(np.isin(control.type, (*PLANES, *LINES, *ROUND)))
     members = block.relative_control_members
     members_of = {int(c): np.flatnonzero(members.condition == c) for c in conditions}
-    rows = {
-        c: np.flatnonzero((residuals.kind == control.type[c]) & np.isin(residuals.row, m))
-        for c, m in members_of.items()
-    }
+    of_kind = {c: residuals.of_kind(str(control.type[c])) for c in members_of}
+    rows = {c: of_kind[c][np.isin(residuals.row[of_kind[c]], m)] for c, m in members_of.items()}
     conditions = np.array([c for c in conditions if len(rows[int(c)])], dtype=np.int64)
     lying = [_lying(str(control.type[c]), _points_of_shape(solution, rows[int(c)])) for c in conditions]
 

@@ -53,8 +53,8 @@ def groups(solution: Solution) -> list[tuple[str, float, float, float, str]]:
     made: list[tuple[str, float, float, float, str]] = []
     if tests is None:
         return made
-    for kind in np.unique(residuals.kind):
-        used = (residuals.kind == kind) & residuals.active
+    for kind in residuals.kinds:
+        used = residuals.used(kind)
         v, sigma, r = residuals.residual[used], residuals.sigma[used], tests.redundancy[used]
         weighted = np.isfinite(v) & (np.nan_to_num(sigma) > 0) & np.isfinite(r)
         redundancy = float(r[weighted].sum())
@@ -69,17 +69,17 @@ def _by_kind(solution: Solution) -> PageTable | None:
     residuals, tests = solution.residuals, solution.tests
     assert tests is not None
     rows = []
-    for kind in np.unique(residuals.kind):
-        of_kind = (residuals.kind == kind) & residuals.active
+    for kind in residuals.kinds:
+        of_kind = residuals.used(kind)
         r, w, size = tests.redundancy[of_kind], tests.test[of_kind], tests.detectable[of_kind]
         finite = np.isfinite(r)
         if not finite.any():
             continue
-        factor, unit = in_trade_unit(str(residuals.unit[np.flatnonzero(of_kind)[0]]))
+        factor, unit = in_trade_unit(str(residuals.unit[of_kind[0]]))
         effect = tests.external[of_kind]
         rows.append(
             (
-                spoken(str(kind)),
+                spoken(kind),
                 unit,
                 number(int(finite.sum())),
                 number(float(r[finite].mean())),

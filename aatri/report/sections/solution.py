@@ -9,7 +9,7 @@ from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import natural_order, rows_of
 from aatri.report.drawing.charts import residual_histogram
 from aatri.report.drawing.picture import Picture
-from aatri.report.drawing.vectors import both, image_vectors, tie_pictures
+from aatri.report.drawing.vectors import MOST_STRIPS, both, image_vectors, tie_pictures
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.tables import Columns, PageTable, all_rows, axes, lengths, observation_classes
 from aatri.report.view.numbers import angle_units, number, small_angle
@@ -116,7 +116,7 @@ def iterations_table(solution: Solution) -> PageTable | None:
 def image_residual_pictures(solution: Solution, around: Surroundings) -> list[Picture]:
     """Mean residuals over the format of each camera, and the histogram of normalised residuals."""
     residuals, points = solution.residuals, around.image_points
-    used = np.flatnonzero((residuals.kind == "image_point") & residuals.active)
+    used = residuals.used("image_point")
     if not len(used):
         return []
     v, sigma = residuals.residual[used, :2], residuals.sigma[used, :2]
@@ -141,7 +141,7 @@ def image_residual_pictures(solution: Solution, around: Surroundings) -> list[Pi
 def position_pictures(solution: Solution) -> list[Picture]:
     """Residuals of observed positions in plan and in height: what is common to neighbours is drift."""
     residuals, images = solution.residuals, solution.images
-    rows = np.flatnonzero((residuals.kind == "position") & residuals.active)
+    rows = residuals.used("position")
     if len(rows) < 2:
         return []
     ids = residuals.image[rows]
@@ -153,14 +153,16 @@ def position_pictures(solution: Solution) -> list[Picture]:
 def tie_residuals(solution: Solution) -> list[Picture]:
     """Residuals of the ties of each strip that are used, in natural order of the strips."""
     r = solution.residuals
-    rows = np.flatnonzero((r.kind == "strip_tie") & r.active)
+    rows = r.used("strip_tie")
     if not len(rows):
         return []
-    xyz = solution.points.xyz_m[rows_of(r.point[rows], solution.points.id)]
-    strips, strip = np.unique(r.image[rows], return_inverse=True)
-    members = np.split(np.argsort(strip, kind="stable"), np.cumsum(np.bincount(strip))[:-1])
-    by_strip = {str(strips[k]): members[k] for k in natural_order(strips)}
-    return tie_pictures({s: (xyz[k], r.residual[rows[k]], r.point[rows[k]].tolist()) for s, k in by_strip.items()})
+    strips = sorted(set(r.image[rows].tolist()))
+    drawn = {strips[k]: rows[r.image[rows] == strips[k]] for k in natural_order(strips)[:MOST_STRIPS]}
+    ends = np.cumsum([len(of) for of in drawn.values()])
+    point = np.split(rows_of(r.point[np.concatenate([*drawn.values()])], solution.points.id), ends[:-1])
+    xyz = {s: solution.points.xyz_m[of] for s, of in zip(drawn, point)}
+    ties = {s: (xyz[s], r.residual[of], r.point[of].tolist()) for s, of in drawn.items()}
+    return tie_pictures(ties, len(strips) - len(drawn))
 
 
 def _orderings(solution: Solution) -> PageTable | None:

@@ -167,9 +167,8 @@ def observation_classes(solution: Solution) -> PageTable | None:
     sigma0 = float(solution.sigma0) if solution.redundancy else np.nan
     out = solution.suspects.kind[staying_out(solution.suspects)]  # also of points that have no other ray any more
     rows = []
-    for kind in np.unique(residuals.kind):
-        of_kind = residuals.kind == kind
-        used = np.flatnonzero(of_kind & residuals.active)
+    for kind in residuals.kinds:
+        used = residuals.used(kind)
         if not len(used):
             continue
         v, sigma = residuals.residual[used], residuals.sigma[used]
@@ -191,11 +190,11 @@ def observation_classes(solution: Solution) -> PageTable | None:
         form = digits(decimals(factor * (given if np.isfinite(given) and given > 0 else rms), 3)) if unit else number
         rows.append(
             (
-                spoken(str(kind)),
+                spoken(kind),
                 unit,
                 where or DASH,
                 number(len(used)),
-                number(max(int(of_kind.sum()) - len(used), int((out == kind).sum()))),
+                number(max(len(residuals.of_kind(kind)) - len(used), int((out == kind).sum()))),
                 *(form(factor * float(value)) for value in (given, after, rms, size.max())),
             )
         )
