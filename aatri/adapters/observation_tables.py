@@ -14,7 +14,8 @@ from aatri.adjustment.statistics.reliability import Reliability, independent_rel
 from aatri.adjustment.statistics.variance_components import GroupSigmas
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.artifacts.solution import Residuals, Tests, VarianceComponents
+from aatri.artifacts.residuals import Residuals, Tests
+from aatri.artifacts.solution import VarianceComponents
 from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE

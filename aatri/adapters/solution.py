@@ -10,7 +10,8 @@ from aatri.arrays import Bool, Float, Int, Text, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
-from aatri.artifacts.solution import ImageOrientations, Residuals, Solution, SolvedCameras, SolvedPoints
+from aatri.artifacts.residuals import Residuals
+from aatri.artifacts.solution import ImageOrientations, Solution, SolvedCameras, SolvedPoints
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import ArtifactError

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from aatri.artifacts import block as b
-from aatri.artifacts.solution import IndependentErrors, Residuals
+from aatri.artifacts.residuals import Residuals
+from aatri.artifacts.solution import IndependentErrors
 from aatri.evaluation.accuracy import evaluate
 from aatri.evaluation.expected_ratios import expected_ratios, outside_expected
 from aatri.evaluation.statistics import bias, largest, rmse

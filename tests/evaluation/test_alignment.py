@@ -9,7 +9,8 @@ import pytest
 
 from aatri.artifacts import block as b
 from aatri.artifacts.block import Block
-from aatri.artifacts.solution import DatumCarriers, Residuals, Solution
+from aatri.artifacts.residuals import Residuals
+from aatri.artifacts.solution import DatumCarriers, Solution
 from aatri.evaluation.accuracy import evaluate
 from aatri.geometry.rotations import exp_rotation
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle

@@ -13,15 +13,14 @@ from aatri.adapters.frame.adjustment_frame import result_out_of
 from aatri.adapters.observation_tables import reliability_table, residual_table
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
+from aatri.artifacts.residuals import Residuals, Tests
 from aatri.artifacts.solution import (
     DatumCarriers,
     Iterations,
     Parameters,
-    Residuals,
     Solution,
     SolvedCameras,
     StripTransformations,
-    Tests,
 )
 from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.camera.parameters.brown import interior_orientation

@@ -27,7 +27,8 @@ from aatri.adapters.uncontrolled_before import not_seen_since
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import Parameters, Residuals, Solution, StripTransformations
+from aatri.artifacts.residuals import Residuals
+from aatri.artifacts.solution import Parameters, Solution, StripTransformations
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.geometry.rotations import levelling

@@ -9,7 +9,8 @@ from aatri.adapters.frame.adjustment_frame import InTangentFrame, frame_of, geod
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import ANTENNA, OBSERVED_VALUE, Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import Iterations, Parameters, Residuals, Solution, StripTransformations
+from aatri.artifacts.residuals import Residuals
+from aatri.artifacts.solution import Iterations, Parameters, Solution, StripTransformations
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
 from aatri.frames.tangent import TangentFrame

@@ -13,14 +13,8 @@ from aatri.adapters.strips.tied_tables import components_of, residuals_of, suspe
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import (
-    DatumCarriers,
-    Parameters,
-    Residuals,
-    Solution,
-    Tests,
-    VarianceComponents,
-)
+from aatri.artifacts.residuals import Residuals, Tests
+from aatri.artifacts.solution import DatumCarriers, Parameters, Solution, VarianceComponents
 from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.ids import shown
 from aatri.notes import Note

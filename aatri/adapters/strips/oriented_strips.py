@@ -9,15 +9,8 @@ from aatri.adapters import solution as assemble
 from aatri.arrays import Bool, Float, Text, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import (
-    Iterations,
-    Parameters,
-    Residuals,
-    Solution,
-    StripTransformations,
-    Tests,
-    VarianceComponents,
-)
+from aatri.artifacts.residuals import Residuals, Tests
+from aatri.artifacts.solution import Iterations, Parameters, Solution, StripTransformations, VarianceComponents
 from aatri.artifacts.strips import Strips
 from aatri.artifacts.suspects import Suspects, Uncontrolled, staying_out
 from aatri.geometry.rotations import angles_from_rotation

@@ -21,7 +21,8 @@ from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.solution import Residuals, Solution, StripTransformations, Tests, VarianceComponents
+from aatri.artifacts.residuals import Residuals, Tests
+from aatri.artifacts.solution import Solution, StripTransformations, VarianceComponents
 from aatri.artifacts.suspects import Suspects, Uncontrolled, staying_out
 from aatri.geometry.similarity import Similarity
 from aatri.observations.observed import Observed

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.arrays import Float, Int
-from aatri.artifacts.solution import ImageOrientations, Parameters, Residuals, Solution, Tests
+from aatri.artifacts.residuals import Residuals, Tests
+from aatri.artifacts.solution import ImageOrientations, Parameters, Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.codes import WORDS_OF_PLACES, WORDS_OF_ROLES, WORDS_OF_USES
 from aatri.errors import SpecError

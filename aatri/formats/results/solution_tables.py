@@ -23,14 +23,8 @@ import numpy.typing as npt
 from aatri.arrays import Bool, Int, Text
 from aatri.artifacts.block import NO_ROLE, Block
 from aatri.artifacts.evaluation import Evaluation
-from aatri.artifacts.solution import (
-    ParameterCovariances,
-    Parameters,
-    Residuals,
-    Solution,
-    StripTransformations,
-    Tests,
-)
+from aatri.artifacts.residuals import Residuals, Tests
+from aatri.artifacts.solution import ParameterCovariances, Parameters, Solution, StripTransformations
 from aatri.codes import WORDS_OF_ROLES
 from aatri.errors import ResourceError
 from aatri.formats.results.column_names import (

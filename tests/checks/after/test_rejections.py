@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from aatri.adapters.solution import suspect_rows
-from aatri.artifacts.solution import ProposedNumbers, Residuals
+from aatri.artifacts.residuals import Residuals
+from aatri.artifacts.solution import ProposedNumbers
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.after.rejections import (
     control_left_behind,

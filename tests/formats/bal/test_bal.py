@@ -11,7 +11,8 @@ import pytest
 from aatri.artifacts import image_points as ip
 from aatri.artifacts.block import APPROXIMATE, Block
 from aatri.artifacts.block_images import CameraParameters
-from aatri.artifacts.solution import Residuals, Solution
+from aatri.artifacts.residuals import Residuals
+from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.models.forward_models import bal
 from aatri.errors import AatriError

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.kinds import KINDS
-from aatri.artifacts.solution import CalibratedSets, ParameterCovariances, Parameters, Residuals
-from aatri.artifacts.solution import Tests as Reliability
+from aatri.artifacts.residuals import Residuals
+from aatri.artifacts.residuals import Tests as Reliability
+from aatri.artifacts.solution import CalibratedSets, ParameterCovariances, Parameters
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import SpecError
 from aatri.formats.results.readable import as_records, readable
