@@ -171,21 +171,23 @@ def single_models(
         )
     if not compared:
         reference[CHECK][:] = np.nan
-    to_control, to_check = (X - reference[role][rays.point] for role in (CONTROL, CHECK))
+    known = {role: np.flatnonzero(np.isfinite(xyz).any(axis=1)[rays.point]) for role, xyz in reference.items()}
+    off = {role: X[rows] - reference[role][rays.point[rows]] for role, rows in known.items()}
     n = len(rays.left)
     first = np.searchsorted(rays.model, np.arange(n + 1))
     parts = [slice(int(a), int(b)) for a, b in itertools.pairwise(first)]
     largest = [part.start + int(np.nan_to_num(np.abs(parallax[part]), nan=-1.0).argmax()) for part in parts]
 
-    def of_models(values: Float) -> Float:
+    def of_models(values: Float, model: Int = rays.model) -> Float:
         """Root mean square of each column, model by model."""
         finite = np.isfinite(values)
         squares = np.where(finite, values, 0.0) ** 2
-        total, number = (sums_of(part, rays.model, n) for part in (squares, finite.astype(np.float64)))
+        total, number = (sums_of(part, model, n) for part in (squares, finite.astype(np.float64)))
         return np.sqrt(np.divide(total, number, out=np.full_like(total, np.nan), where=number > 0))
 
-    def count(values: Float) -> Int:
-        return np.bincount(rays.model, weights=np.isfinite(values).any(axis=1), minlength=n).astype(np.int32)
+    def count(role: int) -> Int:
+        weights = np.isfinite(off[role]).any(axis=1)
+        return np.bincount(rays.model[known[role]], weights=weights, minlength=n).astype(np.int32)
 
     ids = block.images.id
     base = poses.position_m[rays.right] - poses.position_m[rays.left]
@@ -199,10 +201,10 @@ def single_models(
         parallax_max_at=block.points.id[rays.point[largest]],
         w_rms=of_models(w[:, None])[:, 0],
         adjusted_rms_m=of_models(X - solution.points.xyz_m[rays.point]),
-        control_points=count(to_control),
-        control_rms_m=of_models(to_control),
-        check_points=count(to_check),
-        check_rms_m=of_models(to_check),
+        control_points=count(CONTROL),
+        control_rms_m=of_models(off[CONTROL], rays.model[known[CONTROL]]),
+        check_points=count(CHECK),
+        check_rms_m=of_models(off[CHECK], rays.model[known[CHECK]]),
     )
 
 

@@ -121,7 +121,7 @@ def _no_room(size: int, error: OSError) -> ResourceError:
 
 
 Panels = list[Float] | PanelsInFile
-"""One panel for each node, (n, m) float64, column-major; a panel that is put in is no part of its front."""
+"""One panel for each node, (n, m) float64, column-major; one that is put in a list is no part of its front."""
 
 
 def panels_of(tree: Tree, spill: bool) -> Panels:
