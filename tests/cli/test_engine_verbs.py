@@ -106,6 +106,9 @@ def test_a_run_with_nothing_to_do_says_so(project: Path) -> None:
     assert "nothing to do: 2 stages up to date" in again.stderr
     assert "sum/add" in again.stdout
     assert [s["stage"] for s in json.loads(aatri("run", "--json").stdout)["stages"]] == ["a", "s"]
+    write_pipeline(project, LINES, "run: part\nseed: 1\n")
+    assert aatri("run", "--until", "a").exit_code == 0
+    assert "nothing to do: 1 stage up to date" in aatri("run", "--until", "a").stderr  # what is not asked for may lack
 
 
 def test_exec_makes_one_stage(tmp_path: Path) -> None:

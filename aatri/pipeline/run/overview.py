@@ -33,7 +33,7 @@ def overview_of(spec: Spec, nodes: tuple[StageNode, ...], request: Mapping[str, 
 
 def is_settled(spec: Spec, nodes: tuple[StageNode, ...], planned: Plan, not_used: Unused, selection: Selection) -> bool:
     """Whether the run folder shows just the results that the plan finds fresh, and the verdicts of their gates."""
-    if any(d.record is None or not store.is_current(spec.run, d.record) for d in planned.decisions):
+    if any(d.selected and (d.record is None or not store.is_current(spec.run, d.record)) for d in planned.decisions):
         return False
     if any(name.startswith(".tmp-") for name in inside.names_in(spec.run)):
         return False  # killed while its report was written
