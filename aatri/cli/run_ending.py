@@ -4,8 +4,6 @@ Before it, what the run has estimated of its cameras. All of it but the table of
 report, so that a run that has nothing to do reads no artifact.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

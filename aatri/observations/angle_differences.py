@@ -16,13 +16,7 @@ from typing import Any
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
-from aatri.geometry.rotations import (
-    angle_axes,
-    angles_from_rotation,
-    body_from_mount,
-    left_jacobian,
-    log_rotation,
-)
+from aatri.geometry.rotations import angle_axes, angles_from_rotation, body_from_mount, left_jacobian, log_rotation
 
 CARRIER = "roll-pitch-heading"
 

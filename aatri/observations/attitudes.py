@@ -36,12 +36,7 @@ from aatri.adjustment.whitening import whitener_of_sigmas
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.codes import OBSERVED_VALUE
 from aatri.geometry.rotations import exp_rotation, left_jacobian
-from aatri.observations.angle_differences import (
-    CARRIER,
-    ObservedAngles,
-    partial_differences,
-    whole_differences,
-)
+from aatri.observations.angle_differences import CARRIER, ObservedAngles, partial_differences, whole_differences
 from aatri.observations.carried_vectors import BORESIGHT, BORESIGHTS
 from aatri.observations.drift import drift_term, group_times, observed_with_terms, time_notes
 from aatri.observations.observed import ObservationSource, Observed

@@ -30,17 +30,9 @@ from aatri.observations.positions import positions_of
 from aatri.observations.ties import STRIP_TIE
 from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.deformation import Misfit, farthest_bodies, given_note, rms_m, search_notes, sigma0_notes
-from aatri.orientation.bodies.deformed_covariances import (
-    DeformedCovariances,
-    covariance_notes,
-    deformed_covariances,
-)
+from aatri.orientation.bodies.deformed_covariances import DeformedCovariances, covariance_notes, deformed_covariances
 from aatri.orientation.bodies.free_body import at_a_distance
-from aatri.orientation.bodies.strip_polynomials import (
-    StripPolynomials,
-    adjust_strip_polynomials,
-    fall_notes,
-)
+from aatri.orientation.bodies.strip_polynomials import StripPolynomials, adjust_strip_polynomials, fall_notes
 from aatri.orientation.resection.adjustment import resect_images
 
 

@@ -32,13 +32,7 @@ from aatri.notes import Note
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE, CommonTurn, Poses
-from aatri.orientation.bundle.block import (
-    BundleInput,
-    Participants,
-    taking_part,
-    unknowns_of,
-    with_own_observations,
-)
+from aatri.orientation.bundle.block import BundleInput, Participants, taking_part, unknowns_of, with_own_observations
 from aatri.orientation.bundle.free_datum import FreeDatum, free_covariances, onto_inner_constraints, with_minimum_datum
 from aatri.orientation.bundle.result import AdjustedParameters, BundleResult
 from aatri.orientation.bundle.settings import BundleSettings, Datum

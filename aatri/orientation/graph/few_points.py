@@ -20,15 +20,7 @@ from scipy.optimize import least_squares
 
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.geometry.rotations import exp_rotation
-from aatri.geometry.similarity import (
-    UNKNOWNS,
-    Similarity,
-    compose,
-    inverse,
-    robust_closed_form,
-    transform,
-    updated,
-)
+from aatri.geometry.similarity import UNKNOWNS, Similarity, compose, inverse, robust_closed_form, transform, updated
 from aatri.geometry.vectors import unit
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.orientation.graph.component import WIDE_RAD, ImageComponent

@@ -22,13 +22,7 @@ from aatri.orientation.relative.degenerate import NO_BASE, angle_sigmas, degener
 from aatri.orientation.relative.from_consensus import SAMPLES, FromConsensus
 from aatri.orientation.relative.image_scale import limit_of, with_image_scale, with_sigmas
 from aatri.orientation.relative.kernels.snooping import SNOOPED
-from aatri.orientation.relative.loops import (
-    ENOUGH,
-    FEWEST,
-    Portion,
-    from_parallel,
-    oriented_from,
-)
+from aatri.orientation.relative.loops import ENOUGH, FEWEST, Portion, from_parallel, oriented_from
 from aatri.orientation.relative.orientations import (
     EssentialOrientations,
     PairSettings,

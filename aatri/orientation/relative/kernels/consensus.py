@@ -15,15 +15,7 @@ from numba import njit
 
 from aatri.adjustment.kernels.small import OPTIONS
 from aatri.orientation.relative.kernels.five_point import REAL_ROOTS, five_point
-from aatri.orientation.relative.kernels.hypotheses import (
-    FITS,
-    alike,
-    essential_of,
-    improve,
-    judge,
-    mark_front,
-    spread,
-)
+from aatri.orientation.relative.kernels.hypotheses import FITS, alike, essential_of, improve, judge, mark_front, spread
 from aatri.orientation.relative.kernels.plane_twin import plane_of, twin
 from aatri.orientation.relative.kernels.sampson import assign
 
