@@ -133,7 +133,8 @@ def block_of(
     if ground_points and ground_point_covariances:
         tables["ground_point_covariances"] = _between_points(ground_point_covariances, orders["ground_points"])
     if geodetic and geodetic_covariances:
-        tables["geodetic_covariances"] = _between_sights(geodetic_covariances, orders["geodetic"])
+        a, b, value = _pairs(geodetic_covariances, orders["geodetic"], 1)
+        tables["geodetic_covariances"] = GeodeticCovariances(row_a=a, row_b=b, value=value)
     empty = {key: kind.empty() for key, kind in tables_of(Block).items() if not may_be_absent(Block, key)}
     return Block(name=name, **{**PLAIN, **empty, "files": Files(path=_texts_in(paths)), **tables, **others})
 
@@ -275,11 +276,6 @@ def _strip_rows(images: Columns, strip_ids: Text) -> dict[str, Any]:
 def _between_points(columns: Columns, order: Int) -> GroundPointCovariances:
     a, b, value = _pairs(columns, order, 3)
     return GroundPointCovariances(row_a=a // 3, axis_a=a % 3, row_b=b // 3, axis_b=b % 3, value=value)
-
-
-def _between_sights(columns: Columns, order: Int) -> GeodeticCovariances:
-    a, b, value = _pairs(columns, order, 1)
-    return GeodeticCovariances(row_a=a, row_b=b, value=value)
 
 
 def _pairs(columns: Columns, order: Int, per_row: int) -> tuple[Int, Int, Float]:

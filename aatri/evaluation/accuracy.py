@@ -62,10 +62,12 @@ def evaluate(
     truth = truth_differences(block, at_truth.solution) if at_truth else NO_DIFFERENCES
     rejected = np.isin(control.point, rejected_control(block, solution))
     left_out = leave_one_out(block, solution, control.take(~rejected))
+    rows = block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]
+    plan = solution.points.xyz_m[:, :2]
     figures = {
         **_control_figures(control.take(~rejected), int(rejected.sum())),
         **left_out_figures(left_out),
-        **_check_figures(check, _extrapolated(block, solution, check), confidence),
+        **_check_figures(check, outside_hull(plan[check.point], plan[rows]), confidence),
         **_truth_figures(truth, solution, _theory_points(block, solution, truth)),
         **(observed_position_figures(block, solution) if _positions_count(solution) else {}),
         **(true_orientation_figures(block, at_truth.solution) if at_truth else {}),
@@ -81,10 +83,12 @@ def evaluate(
     determined |= expected_ratios(determined, solution.independent_errors, confidence)
     over_datum = at_check is not None and at_check.over_datum
     parts = {"control": control, "left_out": left_out.differences, "check": check, "truth": truth}
+    role = block.ground_points.role == CONTROL
+    variance = np.einsum("nii->ni", block.ground_points.covariance_m2)
     return Evaluation(
         verdict=verdict(
             determined,
-            control_is_exact=_is_exact(block),
+            control_is_exact=bool(role.any() and (variance[role] == 0).all()),
             enough=enough,
             sigma0=global_test(solution.remaining_sigma0, solution.counted_redundancy),
             beyond=beyond_every_bound(block, check, solution.remaining_sigma0) if over_datum else (),
@@ -202,18 +206,6 @@ def _nees(difference: Float, covariance: Float) -> float:
         return float("nan")
     d = difference[determined]
     return float(np.einsum("ni,ni->n", d, np.linalg.solve(covariance[determined], d[:, :, None])[..., 0]).mean() / 3)
-
-
-def _extrapolated(block: Block, solution: Solution, check: PointDifferences) -> Bool | None:
-    rows = block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]
-    plan = solution.points.xyz_m[:, :2]
-    return outside_hull(plan[check.point], plan[rows])
-
-
-def _is_exact(block: Block) -> bool:
-    role = block.ground_points.role == CONTROL
-    variance = np.einsum("nii->ni", block.ground_points.covariance_m2)
-    return bool(role.any() and (variance[role] == 0).all())
 
 
 def _table(block: Block, solution: Solution, parts: dict[str, PointDifferences]) -> Differences:

@@ -62,7 +62,9 @@ def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:
     C, variance = points.covariance_m2, np.einsum("nini->ni", points.covariance_m2)
     sigma_m = np.sqrt(np.median(variance, axis=0)) if goal.sigma_m is None else goal.sigma_m
     distance_m = max(float(np.ptp(points.xyz_m, axis=0).max()) / 2, 1.0) if goal.distance_m is None else goal.distance_m
-    candidates = np.flatnonzero(~np.isin(points.id, _full_control(block)))
+    ground = block.ground_points
+    full_control = block.points.id[ground.point[(ground.role == CONTROL).all(axis=1)]]
+    candidates = np.flatnonzero(~np.isin(points.id, full_control))
     with one_blas_thread():  # the same bits whatever the threads
         eigenvalue, function = criterion_eigenvalue(points.xyz_m, C, sigma_m, distance_m)
         chosen = next_control(C, sigma_m, goal.control_sigma_m, candidates, goal.next_points, goal.aim)
@@ -88,11 +90,6 @@ def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:
         differences=Differences.empty(),
         layout_points=table,
     )
-
-
-def _full_control(block: Block) -> Text:
-    ground = block.ground_points
-    return np.asarray(block.points.id[ground.point[(ground.role == CONTROL).all(axis=1)]])
 
 
 def _reliability(solution: Solution) -> dict[str, float]:

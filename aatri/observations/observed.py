@@ -234,7 +234,10 @@ class Observed:
         records = replace(self.records, active=self.records.active & ~rejected)
         holds = self.holds
         if holds is not None:
-            records = replace(records, whitener=_nearly_exact(records.whitener, holds.scalar & rejected[:, None]))
+            row, component = np.nonzero(holds.scalar & rejected[:, None])
+            root = full_whitener(records.whitener).copy()
+            root[row, component, component] = 1.0 / NEARLY_EXACT
+            records = replace(records, whitener=root)
             holds = replace(holds, scalar=holds.scalar & ~rejected[:, None])
         return replace(self, records=records, holds=holds, rejected=rejected, unreduced=self.unreduced or self)
 
@@ -246,13 +249,6 @@ class Observed:
 def full_whitener(whitener: Float) -> Float:
     """A whitener as matrices, (n, m, m), also where the components are independent."""
     return whitener if whitener.ndim == 3 else whitener[:, :, None] * np.eye(whitener.shape[1])
-
-
-def _nearly_exact(whitener: Float, exact: Bool) -> Float:
-    row, component = np.nonzero(exact)
-    root = full_whitener(whitener).copy()
-    root[row, component, component] = 1.0 / NEARLY_EXACT
-    return root
 
 
 def named(image: Text | None = None, point: Text | None = None) -> Names:

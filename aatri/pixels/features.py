@@ -65,7 +65,8 @@ def keypoints_of(grey: Grey, most: int, cells: int = 16, seen: Bool | None = Non
     if not points:
         return Keypoints.empty()
     table = np.array([(*p.pt, p.size, p.angle, p.response) for p in points])
-    kept = _one_per_place(table)
+    _, first = np.unique(np.round(table[:, :2], 2), axis=0, return_index=True)
+    kept = np.sort(first)
     kept = kept[spread(table[kept, :2], table[kept, 2], table[kept, 4], (grey.shape[1], grey.shape[0]), most, cells)]
     kept_points, descriptors = sift.compute(grey, [points[k] for k in np.sort(kept)])
     table = np.array([(*p.pt, p.size, p.angle, p.response) for p in kept_points])
@@ -76,12 +77,6 @@ def keypoints_of(grey: Grey, most: int, cells: int = 16, seen: Bool | None = Non
         response=table[:, 4],
         descriptor=(descriptors - 128.0).astype(np.int8),
     )
-
-
-def _one_per_place(table: Float) -> Int:
-    """Of features at one place and scale the first: further orientations are no further points."""
-    _, first = np.unique(np.round(table[:, :2], 2), axis=0, return_index=True)
-    return np.sort(first)
 
 
 def spread(xy_px: Float, size_px: Float, response: Float, format_px: tuple[int, int], most: int, cells: int) -> Int:

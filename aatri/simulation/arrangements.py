@@ -30,7 +30,7 @@ SHOT_S = 2.0
 
 def looking(azimuth_rad: Float, tilt_rad: Float, turn_rad: Float) -> Float:
     """Rotations (n, 3, 3) of cameras to the axes (east, north, up) of their stations."""
-    return np.asarray(_about_z(azimuth_rad) @ _about_y(-tilt_rad) @ _about_z(turn_rad))
+    return np.asarray(_about_z(azimuth_rad) @ _turn(-tilt_rad, 2, 0) @ _about_z(turn_rad))
 
 
 def orbit(flight: FlightOptions, camera: CameraOptions, ground_m: float) -> dict[str, object]:
@@ -99,10 +99,6 @@ def with_five_heads(plan: FlightPlan, oblique_deg: float, camera: CameraOptions,
 
 def _about_z(angle: Float) -> Float:
     return _turn(angle, 0, 1)
-
-
-def _about_y(angle: Float) -> Float:
-    return _turn(angle, 2, 0)
 
 
 def _turn(angle: Float, i: int, j: int) -> Float:

@@ -73,7 +73,11 @@ def assembled(
     ground, gross_control = measured.ground_points(
         surveyed, xyz[of_point[surveyed]], points.role[of_point[surveyed]], disturbance
     )
-    true_images = _true_images(scene, stations, of_image)
+    photography = scene.photography
+    rotation = cartesian_rotation(photography.station_m, photography.rotation, scene.earth == "tangent")
+    true_images = b.TrueImages.of(
+        image=np.arange(len(of_image)), position_m=stations[of_image], ground_from_image=rotation[of_image]
+    )
     exterior, gross_exterior = _exterior(scene, of_image, true_images.ground_from_image, gnss, imu, disturbance)
     observed, gross_survey = _survey(scene, survey, disturbance)
     return b.Block(
@@ -217,14 +221,6 @@ def _images(plan: FlightPlan, of_image: Int, member: Text) -> dict[str, Any]:
             member=mounted,
         ),
     }
-
-
-def _true_images(scene: Scene, stations_m: Float, of_image: Int) -> b.TrueImages:
-    photography = scene.photography
-    rotation = cartesian_rotation(photography.station_m, photography.rotation, scene.earth == "tangent")
-    return b.TrueImages.of(
-        image=np.arange(len(of_image)), position_m=stations_m[of_image], ground_from_image=rotation[of_image]
-    )
 
 
 def _of_rows(gross: tuple[Any, ...], rows: Int) -> tuple[Any, ...]:

@@ -46,7 +46,8 @@ def image_points_of(
     photo = measured_to_photo(interior, row[measured.image], measured.xy)
     matrix = np.concatenate([interior.matrix, np.full((1, 2, 3), np.nan)])[row[measured.image]]
     active = measured.active & np.isfinite(photo).all(axis=1)
-    outside = active & ~_inside_format(block, photo, camera, margin)
+    allowed = half_format_of(block)[camera] * (1 + margin)
+    outside = active & (np.abs(photo) > allowed).any(axis=1)
     principal_point = block.cameras.principal_point_mm[camera]
     active &= ~outside
     corrections = {}
@@ -120,11 +121,6 @@ def half_format_of(block: Block) -> Float:
     """Half of the format of every camera, (n, 2) mm."""
     cameras = block.cameras
     return half_format_mm(cameras.kind == "digital", cameras.format, cameras.pixel_size_mm)
-
-
-def _inside_format(block: Block, photo: Float, camera: Int, margin: float) -> Bool:
-    allowed = half_format_of(block)[camera] * (1 + margin)
-    return np.asarray(~((np.abs(photo[:, 0]) > allowed[:, 0]) | (np.abs(photo[:, 1]) > allowed[:, 1])))
 
 
 def _sigma_along_photo_axes(matrix: Float, sigma_mm: Float) -> Float:

@@ -11,7 +11,7 @@ from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.double_models import Unit, double_units, merged
 from aatri.adjusting.added_variance import EXACT
 from aatri.adjusting.tied_problem import TiedProblem, tied_problem
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.artifacts.solution import Solution
@@ -119,7 +119,10 @@ def bodies_of(
 
     while True:
         bodies = made(chosen)
-        loose = _loose(bodies, block)
+        model, body = bodies.shared(block)
+        on_ground = np.isin(body, np.concatenate([objects for _, objects in bodies.known(block)]))
+        shared = on_ground | (np.bincount(body)[body] > 1)
+        loose = np.asarray(np.bincount(model[shared], minlength=len(bodies.model)) < FEWEST)
         if not loose.any():
             break
         chosen = chosen[~loose]
@@ -217,14 +220,6 @@ def _of_units(single: ModelsAsBodies, units: dict[Unit, Similarity], names: Text
             Similarities(s.translation[first], s.scale[first], s.rotation[first]), np.zeros((len(first), LATENT))
         ),
     )
-
-
-def _loose(bodies: ModelsAsBodies, block: Block) -> Bool:
-    """Models that share too few points, perspective centres among them, with others or with what is given."""
-    model, body = bodies.shared(block)
-    on_ground = np.isin(body, np.concatenate([objects for _, objects in bodies.known(block)]))
-    shared = on_ground | (np.bincount(body)[body] > 1)
-    return np.asarray(np.bincount(model[shared], minlength=len(bodies.model)) < FEWEST)
 
 
 def _components(bodies: ModelsAsBodies, block: Block) -> tuple[Int, int]:

@@ -124,7 +124,8 @@ def penalty(problem: IndexedProblem, state: State, factored: Factored) -> float:
     """What the violation of the constraints at a state adds to its cost, by the multipliers of a linearisation."""
     if not len(factored.multiplier):
         return 0.0
-    return PENALTY * float(np.abs(factored.multiplier * _violation(problem, state)).sum())
+    parts = [whitened(r, state, np.arange(len(r.active)))[0][_used(r)] for r in problem.constraints]
+    return PENALTY * float(np.abs(factored.multiplier * np.concatenate(parts)).sum())
 
 
 def predicted_by_constraints(factored: Factored) -> float:
@@ -208,11 +209,6 @@ def _used(r: Records) -> Bool:
     """Components that are demanded, (n, m)."""
     size = np.abs(r.whitener) if r.whitener.ndim == 2 else np.abs(r.whitener).max(axis=2)
     return np.asarray((size > 0) & r.active[:, None])
-
-
-def _violation(problem: IndexedProblem, state: State) -> Float:
-    parts = [whitened(r, state, np.arange(len(r.active)))[0][_used(r)] for r in problem.constraints]
-    return np.concatenate(parts)
 
 
 def _block_places(problem: IndexedProblem) -> Int:

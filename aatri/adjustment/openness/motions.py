@@ -74,7 +74,8 @@ def open_motions(
     left = []
     for part in _parts(problem, normals):
         open_here = _orthonormal(np.where(part[:, None], vectors, 0.0))
-        takes_part = _vertices_of(problem, _taking_part(open_here))
+        vertex = np.repeat(np.arange(len(problem.layout.size)), problem.layout.size)
+        takes_part = np.asarray(np.bincount(vertex, _taking_part(open_here), len(problem.layout.size))[vertex] > 0)
         coefficients, directions = _common(moves * takes_part[:, None], open_here, going_along, common)
         if len(coefficients):
             extent = np.linalg.norm(moves, axis=0)
@@ -126,12 +127,6 @@ def _of_rays(problem: IndexedProblem) -> Bool:
             columns = problem.layout.columns(u.name, u.size)
             of_rays[columns[columns >= 0]] = True
     return of_rays
-
-
-def _vertices_of(problem: IndexedProblem, part: Bool) -> Bool:
-    """All unknowns of the vertices that take part."""
-    vertex = np.repeat(np.arange(len(problem.layout.size)), problem.layout.size)
-    return np.asarray(np.bincount(vertex, part, len(problem.layout.size))[vertex] > 0)
 
 
 def _common(moves: Float, vectors: Float, going_along: Bool, least: float) -> tuple[Float, Float]:

@@ -114,7 +114,9 @@ def _moved(problem: IndexedProblem, state: dict[str, Any], blocks: Int) -> dict[
     cost, D, h = _normal_equations(curved, state, blocks)
     damping = np.full(len(blocks), FIRST)
     for _ in range(STEPS):
-        dy = _steps(D, h, damping)
+        diagonal = np.einsum("nii->ni", D)
+        added = np.where(diagonal > 0, damping[:, None] * diagonal, 1.0)
+        dy = np.asarray(-np.linalg.solve(D + added[:, :, None] * np.eye(3), h[:, :, None])[:, :, 0])
         go = -np.einsum("ni,ni->n", h, dy) > SETTLED
         blocks, cost, D, h, damping, dy = (a[go] for a in (blocks, cost, D, h, damping, dy))
         if not len(blocks):
@@ -129,12 +131,6 @@ def _moved(problem: IndexedProblem, state: dict[str, Any], blocks: Int) -> dict[
         cost, damping = np.where(better, new_cost, cost), np.maximum(damping * np.where(better, LESS, MORE), LEAST)
         D, h = np.where(better[:, None, None], new_D, D), np.where(better[:, None], new_h, h)
     return state
-
-
-def _steps(D: Float, h: Float, damping: Float) -> Float:
-    diagonal = np.einsum("nii->ni", D)
-    added = np.where(diagonal > 0, damping[:, None] * diagonal, 1.0)  # held scalars have a unit row
-    return np.asarray(-np.linalg.solve(D + added[:, :, None] * np.eye(3), h[:, :, None])[:, :, 0])
 
 
 def _normal_equations(problem: IndexedProblem, state: State, blocks: Int) -> tuple[Float, Float, Float]:
@@ -155,7 +151,8 @@ def _normal_equations(problem: IndexedProblem, state: State, blocks: Int) -> tup
         own_rows = np.flatnonzero(np.isin(observed, blocks) & records.active[rows])
         v, (own,) = whitened(records, state, rows[own_rows])
         to, own = place[own_rows], own * problem.block_free[observed[own_rows]][:, None, :]
-        np.add.at(cost, to, (v**2).sum(axis=1) + _excess(records, v))
+        squares = (v**2).sum(axis=1)
+        np.add.at(cost, to, squares if records.loss is None else squares + (records.loss.costs(v) - squares))
         np.add.at(D, to, np.einsum("nki,nkj->nij", own, own))
         np.add.at(h, to, np.einsum("nki,nk->ni", own, v))
     return cost, D, h
@@ -174,7 +171,3 @@ def _of_rays(problem: IndexedProblem, records: Records, state: State, rows: Int)
     if records.loss is not None:
         records.loss.weigh(v, (B,))
     return v, B
-
-
-def _excess(records: Records, v: Float) -> Float:
-    return np.zeros(len(v)) if records.loss is None else records.loss.costs(v) - (v**2).sum(axis=1)

@@ -84,7 +84,8 @@ def pressure_and_density(height_m: npt.ArrayLike) -> tuple[Float, Float]:
     """
     h = np.asarray(height_m, dtype=np.float64)
     H = RADIUS_M * h / (RADIUS_M + h)
-    base = _base_pressures()
+    ratios = _ratio(TEMPERATURE[:-1], LAPSE, np.diff(BASE_M))
+    base = np.asarray(101_325.0 * np.concatenate([[1.0], np.cumprod(ratios[:-1])]))
     layer = np.clip(np.searchsorted(BASE_M, H, side="right") - 1, 0, len(LAPSE) - 1)
     lapse, above = LAPSE[layer], H - BASE_M[layer]
     T = TEMPERATURE[layer] + lapse * above
@@ -119,8 +120,3 @@ def _ratio(T: Float, lapse: Float, above: Float) -> Float:
     sloped = lapse != 0
     exponent = GRAVITY / (GAS * np.where(sloped, lapse, 1.0))
     return np.where(sloped, (T / (T + lapse * above)) ** exponent, np.exp(-GRAVITY * above / (GAS * T)))
-
-
-def _base_pressures() -> Float:
-    ratios = _ratio(TEMPERATURE[:-1], LAPSE, np.diff(BASE_M))
-    return np.asarray(101_325.0 * np.concatenate([[1.0], np.cumprod(ratios[:-1])]))

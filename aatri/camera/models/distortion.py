@@ -81,7 +81,12 @@ def corrected(distortion: Distortion, xy_mm: Float) -> Float:
     if distortion.model == "table":
         table = (distortion.radius_mm, distortion.correction_mm)
         return np.asarray(xy_mm + table_correction(xy_mm, *table, distortion.symmetry_point_mm))
-    return _inverted(distortion, xy_mm)
+    forward = forward_models.MODELS[distortion.model]
+    c = distortion.principal_distance_mm
+    y_down = np.array([1.0, -1.0])
+    distorted = xy_mm * y_down / c
+    ideal = invert(lambda uv: forward(uv, distortion.parameters), distorted, what=distortion.model)
+    return np.asarray(ideal * y_down * c)
 
 
 def corner_points(half_format_mm: Float) -> Float:
@@ -130,15 +135,6 @@ def _refuse_folded_brown(distortion: Distortion, xy_mm: Float) -> None:
             remedy="check k1 (mm^-2), k2 (mm^-4), k3 (mm^-6) and their sign: they are added to the measurement; or "
             "`format` and pixel size, if no image point lies so far out",
         )
-
-
-def _inverted(distortion: Distortion, xy_mm: Float) -> Float:
-    forward = forward_models.MODELS[distortion.model]
-    c = distortion.principal_distance_mm
-    y_down = np.array([1.0, -1.0])
-    distorted = xy_mm * y_down / c
-    ideal = invert(lambda uv: forward(uv, distortion.parameters), distorted, what=distortion.model)
-    return np.asarray(ideal * y_down * c)
 
 
 def table_correction(

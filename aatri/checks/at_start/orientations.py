@@ -36,7 +36,9 @@ def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Fl
         Of the block's points; NaN where not known.
     """
     points, findings = block.image_points, []
-    upright = _is_upright(block)
+    heights = control_of(block).given[:, 2]
+    observed = block.exterior.position_use == OBSERVED_VALUE
+    upright = bool((block.frames.crs[:1] != "local").any() or heights.any() or observed.any())
     usable = points.active & block.images.active[points.image]
     usable &= finite_rows(position_m)[points.image] & finite_rows(xyz_m)[points.point]
     image, point = points.image[usable], points.point[usable]
@@ -77,13 +79,6 @@ def few_oriented(initial: Solution) -> list[Finding]:
     remedy = "use initial_orientation/graph instead of relative orientation, strips and what follows them: it orients "
     remedy += "image by image"
     return [Finding("orientations", "warning", text, remedy, statistic=float(oriented.mean()))]
-
-
-def _is_upright(block: Block) -> bool:
-    """Whether something says which way is up: a coordinate system, a height of control, or an observed position."""
-    heights = control_of(block).given[:, 2]
-    observed = block.exterior.position_use == OBSERVED_VALUE
-    return bool((block.frames.crs[:1] != "local").any() or heights.any() or observed.any())
 
 
 def control_outside(block: Block, position_m: Float, ground_from_image: Float) -> list[Finding]:

@@ -42,13 +42,15 @@ def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
     points |= _without_element(network.rows, points, path, reporter)
     if any(p.datum for p in points.values()):
         reporter.log("points in capitals carry the datum of a free network: `datum: free, datum_over: marked`")
-    ids, sign = canonical(points), _signs(network, axes)
+    ids = canonical(points)
+    sign = [axes[row.type[1]][1] if row.type in ("dx", "dy", "dz") else 1.0 for row in network.rows]
+    pairs = [(*a, *b, value) for a, b, value in _observed_covariances(network, axes, ids) if a[0] != b[0] and value]
     return block_of(
         name=path.stem,
         files=[path],
         points=ids,
         ground_points=_ground(network, points, ids, axes),
-        ground_point_covariances=_between_points(network, axes, ids),
+        ground_point_covariances=dict(zip(("row_a", "axis_a", "row_b", "axis_b", "value"), zip(*pairs))) or None,
         geodetic=_geodetic(network, axes, sign),
         geodetic_covariances=_between_rows(network, sign),
         frames=Frames.of(id="local", axes="east,north,up", crs="local", vertical=""),
@@ -123,16 +125,6 @@ def _observed_covariances(network: Network, axes: Axes, ids: list[str]) -> Itera
         (a, of_a, _), (b, of_b, _) = network.coordinates[i], network.coordinates[j]
         (s, sign_a), (t, sign_b) = axes[of_a], axes[of_b]
         yield (row[a], s), (row[b], t), sign_a * sign_b * value
-
-
-def _between_points(network: Network, axes: Axes, ids: list[str]) -> Columns | None:
-    pairs = [(*a, *b, value) for a, b, value in _observed_covariances(network, axes, ids) if a[0] != b[0] and value]
-    return dict(zip(("row_a", "axis_a", "row_b", "axis_b", "value"), zip(*pairs))) or None
-
-
-def _signs(network: Network, axes: Axes) -> list[float]:
-    """Of each observation, how it counts along the axes of the Block."""
-    return [axes[row.type[1]][1] if row.type in ("dx", "dy", "dz") else 1.0 for row in network.rows]
 
 
 def _geodetic(network: Network, axes: Axes, sign: list[float]) -> Columns:

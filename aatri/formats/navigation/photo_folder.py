@@ -211,7 +211,9 @@ def _exterior(
     )
     place = np.where(np.isfinite(packed) & (is_rtk | np.isnan(place).any(axis=1))[:, None], packed, place)
     here = finite_rows(place[:, :2])
-    equal = _equal_to_another(place)
+    rows = np.round(np.nan_to_num(place), 9)
+    _, which, count = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
+    equal = np.asarray(np.isfinite(place[:, 0]) & (count[which.ravel()] > 1))
     _tell(notes, names, ~here, "say no position")
     _tell(notes, names, equal, "have the position of another one: start values alone")
     angles = np.radians(
@@ -241,13 +243,6 @@ def _exterior(
         if keep
         else {}
     )
-
-
-def _equal_to_another(place: Float) -> Bool:
-    """Positions that stand twice: a receiver that had not moved on, or values copied from image to image."""
-    rows = np.round(np.nan_to_num(place), 9)
-    _, which, count = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
-    return np.asarray(np.isfinite(place[:, 0]) & (count[which.ravel()] > 1))
 
 
 def _tell(notes: list[str], names: Sequence[str], which: Bool, what: str) -> None:

@@ -64,7 +64,10 @@ def block_frame(sources: list[BlockParts], asked: Frame | None) -> Frame:
         what = f"{frame.crs} is in latitude and longitude, and no source says where it is"
         raise InputError(what, where=str(sources[0].files[0]), remedy="name a map: EPSG:32632 ...")
     assert part.frame is not None
-    degrees = geographic(_coordinates(part), part.frame)
+    columns = [part.ground_points.get("xyz_m"), part.exterior.get("position_m")]
+    rows = [np.atleast_2d(np.asarray(c, dtype=np.float64)) for c in columns if c is not None]
+    xyz = np.concatenate([np.zeros((0, 3)), *rows])
+    degrees = geographic(np.asarray(xyz[np.isfinite(xyz[:, :2]).all(axis=1)]), part.frame)
     longitude, latitude = np.nanmedian(degrees[:, :2], axis=0)
     return utm_of(frame, float(latitude), float(longitude))
 
@@ -125,7 +128,8 @@ def _move(
     plan = _plan_alone(xyz, source, target, where)
     covariance = np.where(plan[:, None, None] & ~OF_PLAN, 0.0, covariance)
     stated = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
-    xyz = np.where(plan[:, None] & np.isnan(xyz), _middle_height(xyz), xyz)
+    heights = xyz[np.isfinite(xyz[:, 2]), 2]
+    xyz = np.where(plan[:, None] & np.isnan(xyz), float(np.median(heights)) if len(heights) else 0.0, xyz)
     known = np.asarray(np.isfinite(xyz).all(axis=1))
     moved, turned = np.full_like(xyz, np.nan), np.full((len(xyz), 3, 3), np.nan)
     if known.any():
@@ -148,11 +152,6 @@ def _plan_alone(xyz: Float, source: Frame, target: Frame, where: str) -> Bool:
         )
         raise InputError(what, where=where, remedy="give them in the system of the block, or all three coordinates")
     return plan
-
-
-def _middle_height(xyz: Float) -> float:
-    heights = xyz[np.isfinite(xyz[:, 2]), 2]
-    return float(np.median(heights)) if len(heights) else 0.0
 
 
 def _converted(xyz: Float, covariance: Float, source: Frame, target: Frame) -> tuple[Float, Float]:
@@ -215,14 +214,6 @@ def geographic(xyz: Float, frame: Frame) -> Float:
     body = system.geodetic_crs
     degrees = Frame("degrees", ("longitude", "latitude", "height"), body.to_3d().to_wkt())
     return convert(xyz, np.zeros((len(xyz), 3, 3)), frame, degrees)[0]
-
-
-def _coordinates(parts: BlockParts) -> Float:
-    """Coordinates of ground points and positions that are known."""
-    columns = [parts.ground_points.get("xyz_m"), parts.exterior.get("position_m")]
-    rows = [np.atleast_2d(np.asarray(c, dtype=np.float64)) for c in columns if c is not None]
-    xyz = np.concatenate([np.zeros((0, 3)), *rows])
-    return np.asarray(xyz[np.isfinite(xyz[:, :2]).all(axis=1)])
 
 
 def _has_control(parts: BlockParts) -> bool:

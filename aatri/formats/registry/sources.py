@@ -165,20 +165,15 @@ def _read(source: SourceWithSettings, reporter: Reporter) -> tuple[SourceWithSet
         return source, read_source(source.path, own, reporter)
     try:
         parts = read_source(source.path, own, reporter)
-        unnamed = _is_unnamed(parts)
+        has_coordinates = bool(parts.ground_points or parts.exterior)
+        unnamed = has_coordinates and (
+            parts.frame is None or replace(parts.frame, vertical="") == replace(PLANE, name=parts.frame.name)
+        )
     except InputError:  # it cannot do without a coordinate system, or it is damaged
         return source, read_source(source.path, general, reporter)
     if unnamed:
         return source, replace(parts, frame=_frame(parts, general))
     return replace(source, settings=tuple(s for s in source.settings if s.source or s.key not in FRAME)), parts
-
-
-def _is_unnamed(parts: BlockParts) -> bool:
-    """Whether it has coordinates in metres of a system that its files do not name; a free model has none."""
-    has_coordinates = bool(parts.ground_points or parts.exterior)
-    return has_coordinates and (
-        parts.frame is None or replace(parts.frame, vertical="") == replace(PLANE, name=parts.frame.name)
-    )
 
 
 def _as_said(parts: BlockParts, reading: Reading) -> BlockParts:

@@ -104,7 +104,8 @@ def deformation_components(
         scale[z] = np.sqrt(d / phi)
         factor = matrix.factor(scale, added)
         if factor is None and not clipped:  # of points at infinity N is a difference of large numbers, and not definite
-            N, clipped = _semidefinite(N), True
+            values, vectors = np.linalg.eigh(N.toarray())
+            N, clipped = csr_array((vectors * np.maximum(values, 0.0)) @ vectors.T), True
             matrix = block_matrix(N, np.zeros(len(z), dtype=np.int64), np.zeros((1, 1)))
             scale = 1.0 / np.sqrt(np.maximum(N.diagonal(), 1e-300))
             continue
@@ -128,12 +129,6 @@ def deformation_components(
             theta = _limit(*steps)
             steps = [theta]
     return DeformationComponents(theta, r, size, phi)
-
-
-def _semidefinite(N: csr_array) -> csr_array:
-    """The nearest matrix without negative eigenvalues."""
-    values, vectors = np.linalg.eigh(N.toarray())
-    return csr_array((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def _limit(first: Float, second: Float, third: Float) -> Float:

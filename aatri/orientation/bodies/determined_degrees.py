@@ -77,7 +77,10 @@ def determined_degrees(
     """
     with one_blas_thread() if len(count) * basis.size < LARGE else nullcontext():
         degrees, falls = highest.copy(), []
-        N = _normal_matrix(problem, use)
+        ties = [np.broadcast_to(np.eye(3), (len(o), 3, 3)) for o in problem.ties]
+        fixing = [np.eye(3) / HELD * observed_components(o)[:, :, None] for o in problem.ground]
+        weights = problem.weights(use & problem.taking_part(use), [*ties, *fixing])
+        N = reduced_normals(with_weights(problem.index, weights), problem.start).N
         for part in (0, 1):
             while (degrees[:, part] >= 0).any():
                 kept = np.flatnonzero(kept_coefficients(degrees, basis) & (part == basis.part))
@@ -90,14 +93,6 @@ def determined_degrees(
                     degrees[strip, part] -= 1
                     falls.append(Fall(strip, PARTS[part], int(degrees[strip, part]), reason))
         return degrees, falls
-
-
-def _normal_matrix(problem: TiedProblem, use: Bool) -> Float:
-    """N of all coefficients, the ground points eliminated."""
-    ties = [np.broadcast_to(np.eye(3), (len(o), 3, 3)) for o in problem.ties]
-    fixing = [np.eye(3) / HELD * observed_components(o)[:, :, None] for o in problem.ground]
-    weights = problem.weights(use & problem.taking_part(use), [*ties, *fixing])
-    return reduced_normals(with_weights(problem.index, weights), problem.start).N
 
 
 def _undetermined(N: Float, kept: Int, basis: StripBasis) -> dict[int, str]:

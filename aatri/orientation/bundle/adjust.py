@@ -100,7 +100,8 @@ def adjust_bundle(
     if free is not None:
         adjusted = onto_inner_constraints(free, adjusted, adjusted_from)
     if settings.weights:
-        adjusted = _weighted_down(adjusted, settings.weights)
+        count = sum(int((w < 1).sum()) for w in settings.weights)
+        adjusted = replace(adjusted, down_weighted=count, sigma0=float("nan")) if count else adjusted
     covariances, notes = (
         settings.covariances and not adjusted.down_weighted,
         [*raised_notes, *held_notes, *adjusted.notes],
@@ -187,12 +188,6 @@ def _within_reach(observed: tuple[Observed, ...], start: State) -> tuple[tuple[O
         notes.append(Note("note", text, names))
         raised[i] = replace(o, records=scaled(o.records, factor))
     return tuple(raised), notes
-
-
-def _weighted_down(adjusted: Adjusted, weights: tuple[Float, ...]) -> Adjusted:
-    """Least squares with other weights than those a priori has no sigma0."""
-    count = sum(int((w < 1).sum()) for w in weights)
-    return replace(adjusted, down_weighted=count, sigma0=float("nan")) if count else adjusted
 
 
 def _free_poses(image: Bool, held_images: Bool | None, position_m: Float, datum: Datum) -> Bool:

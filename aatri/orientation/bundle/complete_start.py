@@ -137,7 +137,7 @@ def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool, of
         linear_start = linear_orientation(*image_data) if linear else None
         start = start_orientation(
             *image_data,
-            area_mm2=_area_mm2(rays, image_data[1]),
+            area_mm2=float(np.prod(np.ptp(rays.xy_mm[rays.c_mm == image_data[1]], axis=0))),
             other_starts=() if linear_start is None else ((FEWEST, linear_start),),
             offered=(offered.position_m[image], offered.ground_from_image[image]),
         )
@@ -158,8 +158,3 @@ def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool, of
     converged = result.resected & finite_rows(start_position)
     position[converged], rotation[converged] = result.position_m[converged], result.ground_from_image[converged]
     return Poses(position, rotation)
-
-
-def _area_mm2(rays: ImagePointRows, c_mm: float) -> float:
-    """What the points of all images of one principal distance cover."""
-    return float(np.prod(np.ptp(rays.xy_mm[rays.c_mm == c_mm], axis=0)))

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adjustment.records import CHUNK, Records
+from aatri.adjustment.records import CHUNK
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.observations.image_point_rows import ImagePointRows
@@ -39,7 +39,12 @@ def start_in_space(inputs: BundleInput, factor: float, rotations_held: bool) -> 
     assert inputs.rays is not None
     part = taking_part(inputs)
     image, point = part.of[POSE], part.of[POINT]
-    rays, other_records = inputs.rays.take(_ray_rows(inputs, part)), _other_records(inputs, part)
+    rays = inputs.rays.take(_ray_rows(inputs, part))
+    other_records = [
+        o.records.take(rows)
+        for o, rows in zip(inputs.observed, part.rows)
+        if len(rows) and not o.exact and o.records.groups < {POSE, POINT}
+    ]
     state = part.start
     distance = float(np.median(np.linalg.norm(state[POINT][rays.point] - inputs.poses.position_m[rays.image], axis=1)))
     records = [object_space_records(rays, distance, factor), *other_records]
@@ -81,16 +86,6 @@ def _ray_rows(inputs: BundleInput, part: Participants) -> Int:
         if {POSE, POINT} <= o.records.groups:
             return rows[o.records.active[rows]]
     return np.zeros(0, dtype=np.int64)
-
-
-def _other_records(inputs: BundleInput, part: Participants) -> list[Records]:
-    """Observations of poses and points that are no image points: control, positions ..."""
-    observed_rows = zip(inputs.observed, part.rows)
-    return [
-        o.records.take(rows)
-        for o, rows in observed_rows
-        if len(rows) and not o.exact and o.records.groups < {POSE, POINT}
-    ]
 
 
 def _mirrored(poses: Poses, k: int, xyz_m: Float) -> Poses:

@@ -80,7 +80,8 @@ def variance_components(
         factor = factor * change
         if (factor > FARTHEST).any() or (factor < 1 / FARTHEST).any():
             break
-        rescaled = from_result(_scaled(inputs, groups, factor), adjusted)
+        observed = tuple(with_factor(o, number, factor) for o, number in zip(inputs.observed, groups.number))
+        rescaled = from_result(replace(inputs, observed=observed), adjusted)
         adjusted = adjust(rescaled)
     names = ", ".join(f"{name} {f:.3g}" for name, f in zip(groups.names, factor))
     raise ConvergenceError(
@@ -113,11 +114,6 @@ def variance_notes(names: Sequence[str], sigmas: GroupSigmas, *, applied: bool) 
     if not texts:
         notes.append(Note("note", "variance components: the given standard deviations fit the residuals"))
     return notes
-
-
-def _scaled(inputs: BundleInput, groups: VarianceGroups, factor: Float) -> BundleInput:
-    observed = tuple(with_factor(o, number, factor) for o, number in zip(inputs.observed, groups.number))
-    return replace(inputs, observed=observed)
 
 
 def with_factor(o: Observed, number: Int, factor: Float) -> Observed:

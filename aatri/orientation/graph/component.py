@@ -140,7 +140,8 @@ def refined(
     for number, limit_mm in enumerate(limits_mm, 1):
         limit = limit_mm or LIMIT * max(spread, 1.0) * float(np.median(rays.sigma_mm))
         xyz, kept = intersected(rays, poses, limit, xyz)
-        poses, kept = _well_held(rays, poses, kept)
+        few = np.bincount(rays.image[kept], minlength=len(poses.position_m)) < FEWEST_POINTS
+        poses, kept = poses.where(~few), kept & ~few[rays.image]
         if len(finite_rows(poses.position_m).nonzero()[0]) < 2:
             raise GeometryError("too few of their points fit", remedy="check the ids of images and points")
         xyz[np.bincount(rays.point[kept], minlength=len(xyz)) < 2] = np.nan
@@ -174,12 +175,6 @@ def _fitting(rays: ImagePointRows, poses: Poses, xyz: Float, kept: Bool) -> tupl
     total, fitting_count = (np.bincount(rays.image[rows], minlength=n) for rows in (visible, kept))
     lost = fitting_count < LEAST_SHARE * total
     return poses.where(~lost), int(lost.sum())
-
-
-def _well_held(rays: ImagePointRows, poses: Poses, kept: Bool) -> tuple[Poses, Bool]:
-    """Without images of which too few points fit."""
-    few = np.bincount(rays.image[kept], minlength=len(poses.position_m)) < FEWEST_POINTS
-    return poses.where(~few), kept & ~few[rays.image]
 
 
 def _bundled(

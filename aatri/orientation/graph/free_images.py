@@ -79,7 +79,8 @@ def orient_free(
     rotation, error, triangles = _rotations(graph, turns)
     limit = np.maximum(WRONG_RAD, WRONG_SIGMAS * graph.rotation_sigma_rad)
     other = np.isfinite(graph.second[:, 0, 0])
-    wrong = (error > limit) | other & (_off(rotation, graph, graph.second) < np.minimum(error, limit))
+    off = angles_between(rotation[graph.left] @ graph.second, rotation[graph.right])
+    wrong = (error > limit) | other & (np.where(np.isfinite(off), off, np.inf) < np.minimum(error, limit))
     undecided = other & (triangles == 0) & (angles_between(graph.left_from_right, graph.second) > limit)
     if not (wrong | undecided).all():
         wrong |= undecided
@@ -135,12 +136,6 @@ def _rotations(graph: PairGraph, turns: RotationPairs) -> tuple[Float, Float, In
     weight = np.sqrt(np.concatenate([graph.inliers, turns.points])) * share
     rotation, error = averaged_rotations(n, left, right, pair, weight)
     return rotation, error[:m], triangles[:m]
-
-
-def _off(rotation: Float, graph: PairGraph, pair: Float) -> Float:
-    """What remains of other rotations of the pairs, rad; inf where there is none."""
-    off = angles_between(rotation[graph.left] @ pair, rotation[graph.right])
-    return np.where(np.isfinite(off), off, np.inf)
 
 
 def _centres(
