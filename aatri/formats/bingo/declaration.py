@@ -11,11 +11,10 @@ _NUMBER = r"[-+]?[0-9]+(?:\.[0-9]*)?"
 _HEAD, _POINT = re.compile(r"\s*\S+(?:\s+\S+)?\s*"), re.compile(rf"\s*\S+\s+{_NUMBER}\s+{_NUMBER}(?:\s+\S+)?\s*")
 
 
-def _image_coordinates(view: FileView) -> str:
+def _image_coordinates(view: FileView) -> bool:
     lines = [line for line in view.lines if not line.startswith(("*", "C "))]
     ended = any(line.strip() == "-99" for line in lines)
-    begun = len(lines) > 2 and _HEAD.fullmatch(lines[0]) and _POINT.fullmatch(lines[1])
-    return "images with lines `point x y`, ended by -99" if ended and begun else ""
+    return ended and len(lines) > 2 and bool(_HEAD.fullmatch(lines[0]) and _POINT.fullmatch(lines[1]))
 
 
 def _geoin(view: FileView) -> str:
@@ -30,7 +29,6 @@ BINGO = Format(
     _image_coordinates,
     "images with lines `point x y`, ended by -99",
     carries=("image points",),
-    drops=("cameras", "control", "standard deviations", "start orientations"),
     page=PAGE,
     read=read_image_coordinates,
     write=write_bingo,
@@ -42,7 +40,6 @@ GEOIN = Format(
     _geoin,
     "lines that begin with CAPA, RADI, CONT",
     carries=("cameras", "distortion", "control", "standard deviations"),
-    drops=("image points", "check points", "frame", "start orientations"),
     page=PAGE,
     read=read_geoin,
 )

@@ -2,18 +2,12 @@
 
 from aatri.formats.blocksexchange.reader import read_blocksexchange
 from aatri.formats.blocksexchange.writer import write_blocksexchange
-from aatri.formats.parts.format import FileView, Format
-
-
-def _recognised(view: FileView) -> str:
-    return "XML with BlocksExchange" if "<BlocksExchange" in view.head else ""
-
+from aatri.formats.parts.format import Format
 
 BLOCKSEXCHANGE = Format(
-    "blocksexchange", "BlocksExchange XML", _recognised, "XML with `BlocksExchange`",
+    "blocksexchange", "BlocksExchange XML", lambda view: "<BlocksExchange" in view.head, "XML with `BlocksExchange`",
     carries=("cameras", "distortion", "image points", "control", "check points", "start values of points",
              "start orientations", "frame", "standard deviations"),
-    drops=("covariances", "strips", "times", "rigs", "film"),
     page="docs/formats.md#blocksexchange", read=read_blocksexchange, write=write_blocksexchange,
     written=("cameras", "distortion", "image points", "control", "check points", "start values of points",
              "start orientations", "frame", "standard deviations"),

@@ -1,6 +1,7 @@
 """What IGN's lists are recognised by, and what they carry."""
 
 import re
+from functools import partial
 
 from aatri.formats.ign.reader import read_camera, read_ground_points, read_marks
 from aatri.formats.parts.format import FileView, Format
@@ -11,9 +12,8 @@ _MARK = re.compile(rf"\S+\s+(?!{_NUMBER}\s)\S*[A-Za-z_.]\S*\s+{_NUMBER}\s+{_NUMB
 _POINT = re.compile(rf'"[^"]+"\s+[0-9]+(?:\s+{_NUMBER}){{3}}(?:(?:\s+{_NUMBER}){{3}})?\s*')
 
 
-def _all_lines(view: FileView, form: re.Pattern[str], what: str) -> str:
-    lines = view.lines[:20]
-    return what if lines and all(form.fullmatch(line.strip()) for line in lines) else ""
+def _all_lines(form: re.Pattern[str], view: FileView) -> bool:
+    return bool(view.lines) and all(form.fullmatch(line.strip()) for line in view.lines[:20])
 
 
 def _camera(view: FileView) -> str:
@@ -24,20 +24,18 @@ def _camera(view: FileView) -> str:
 IGN_MARKS = Format(
     "ign_mes",
     "IGN image points (.mes)",
-    lambda v: _all_lines(v, _MARK, "lines `point image column row`"),
+    partial(_all_lines, _MARK),
     "lines `point image column row`",
     carries=("image points",),
-    drops=("cameras", "control", "standard deviations"),
     page=PAGE,
     read=read_marks,
 )
 IGN_POINTS = Format(
     "ign_app",
     "IGN ground points (.app)",
-    lambda v: _all_lines(v, _POINT, 'lines `"point" type X Y Z`'),
+    partial(_all_lines, _POINT),
     'lines `"point" type X Y Z`',
     carries=("control", "standard deviations"),
-    drops=("check points", "frame", "image points"),
     page=PAGE,
     read=read_ground_points,
 )
@@ -47,7 +45,6 @@ IGN_CAMERA = Format(
     _camera,
     "lines `PPAx = ...`, `focal = ...`",
     carries=("cameras",),
-    drops=("distortion",),
     page=PAGE,
     read=read_camera,
 )

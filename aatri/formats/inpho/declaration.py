@@ -19,7 +19,6 @@ INPHO = Format(
     _recognised,
     "blocks `$PROJECT`, `$CAMERA_DEFINITION`, `$PHOTO` ... `$END`",
     carries=("cameras", "image points", "start orientations"),
-    drops=("distortion", "control", "check points", "positions", "attitudes", "frame", "strips", "film"),
     page="docs/formats.md#inpho",
     read=read_inpho,
 )

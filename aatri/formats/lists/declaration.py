@@ -25,15 +25,15 @@ def _ign(view: FileView) -> str:
     return "a header NOM X Y Z O P K" if is_one else ""
 
 
-def _applanix(view: FileView) -> str:
-    return "a line `(position in Meters, orientation in Degrees ...)`" if APPLANIX_UNITS.search(view.head) else ""
+def _applanix(view: FileView) -> bool:
+    return bool(APPLANIX_UNITS.search(view.head))
 
 
 TABLE = Format(
     "table", "list with columns", _list, "a header with the columns of a list: image X Y Z omega phi kappa ...",
     carries=("positions", "attitudes", "start orientations", "control", "check points", "image points", "times",
              "standard deviations"),
-    drops=("cameras", "distortion", "frame", "strips"), page=PAGE, read=read_list, write=write_lists,
+    page=PAGE, read=read_list, write=write_lists,
     other_names=("opk", "list"),
     written=("start orientations", "control", "check points", "image points", "standard deviations"),
 )  # fmt: skip
@@ -43,7 +43,6 @@ IGN_OPK = Format(
     _ign,
     "a header NOM X Y Z O P K CAMERA",
     carries=("start orientations", "positions", "attitudes"),
-    drops=("cameras", "frame", "standard deviations", "image points"),
     page=PAGE,
     read=partial(read_list, preset="ign"),
 )
@@ -53,7 +52,6 @@ APPLANIX = Format(
     _applanix,
     "a line `(position in Meters, orientation in Degrees ...)`",
     carries=("positions", "attitudes", "times"),
-    drops=("image points", "control", "cameras", "standard deviations"),
     page=PAGE,
     read=partial(read_list, observed=True),
 )

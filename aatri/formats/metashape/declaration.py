@@ -21,7 +21,6 @@ METASHAPE = Format(
     "metashape", "Metashape, PhotoScan", _recognised, "XML with <document version> and <chunk>, or a .psz",
     carries=("cameras", "distortion", "image points", "control", "check points", "positions", "start orientations",
              "standard deviations", "rigs", "frame"),
-    drops=("strips", "times", "film", "attitudes", "covariances", "geodetic observations"),
     page="docs/formats.md#metashape-and-photoscan", read=read_metashape, write=write_metashape,
     written=("cameras", "distortion", "control", "check points", "positions", "start orientations",
              "standard deviations", "frame"),

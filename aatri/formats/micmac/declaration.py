@@ -25,7 +25,6 @@ MICMAC = Format(
     "micmac", "MicMac and MMVII", _recognised, LOOKED_FOR,
     carries=("cameras", "distortion", "image points", "control", "standard deviations", "covariances",
              "start orientations"),
-    drops=("check points", "strips", "times", "frame", "rigs", "film"),
     page="docs/formats.md#micmac", read=read_micmac, files_of=all_files, write=write_micmac,
     written=("cameras", "distortion", "image points", "control", "standard deviations", "start orientations"),
     estimates_cameras=True, holds_several=_holds_several,

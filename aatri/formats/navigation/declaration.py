@@ -45,7 +45,6 @@ MRK = Format(
     _mrk,
     "lines `number seconds [week] ... lat,Lat lon,Lon h,Ellh ...`",
     carries=("positions", "standard deviations", "frame"),
-    drops=("attitudes", "image points", "control", "cameras"),
     page=PAGE,
     read=read_mrk,
 )
@@ -55,7 +54,6 @@ PHOTOS = Format(
     _exif,
     "a folder of photographs, JPEG with EXIF",
     carries=("cameras", "distortion", "positions", "attitudes", "times", "frame", "standard deviations"),
-    drops=("image points", "control"),
     page="docs/methods/tie_points.md#photographs",
     read=lambda path, _, reporter: read_photographs(path, reporter=reporter),
     stage="block/photos",
@@ -67,7 +65,6 @@ XMP = Format(
     _xmp,
     "photographs or .xmp files with a packet `x:xmpmeta` of `drone-dji`",
     carries=("positions", "start orientations", "standard deviations", "frame"),
-    drops=("image points", "control", "cameras", "distortion"),
     page="docs/formats.md#dji-xmp",
     read=read_xmp,
     files_of=partial(_files, PHOTOGRAPHS),

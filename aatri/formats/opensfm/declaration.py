@@ -18,10 +18,9 @@ _GCP_ROW = re.compile(rf"\s*{_NUMBER}\s+{_NUMBER}\s+(?:{_NUMBER}|nan)\s+{_NUMBER
 _GEO_ROW = re.compile(rf"\s*\S*[A-Za-z_.]\S*\s+{_NUMBER}\s+{_NUMBER}(?:\s|$)")
 
 
-def _reconstruction(view: FileView) -> str:
+def _reconstruction(view: FileView) -> bool:
     head = view.head.lstrip()
-    is_one = head.startswith("[") and '"cameras"' in head and ('"projection_type"' in head or '"shots"' in head)
-    return "a JSON list with `cameras` and `shots`" if is_one else ""
+    return head.startswith("[") and '"cameras"' in head and ('"projection_type"' in head or '"shots"' in head)
 
 
 def _tracks(view: FileView) -> str:
@@ -31,10 +30,9 @@ def _tracks(view: FileView) -> str:
     return ""
 
 
-def _ground_control(view: FileView) -> str:
+def _ground_control(view: FileView) -> bool:
     keys = ('"points"', '"observations"', '"shot_id"')
-    is_one = view.head.lstrip().startswith("{") and all(key in view.head for key in keys)
-    return "JSON `points` with `observations`" if is_one else ""
+    return view.head.lstrip().startswith("{") and all(key in view.head for key in keys)
 
 
 def _system_and_rows(view: FileView) -> tuple[str, list[str]]:
@@ -43,25 +41,20 @@ def _system_and_rows(view: FileView) -> tuple[str, list[str]]:
     return (lines[0], lines[1:6]) if lines else ("", [])
 
 
-def _gcp_list(view: FileView) -> str:
+def _gcp_list(view: FileView) -> bool:
     system, rows = _system_and_rows(view)
     numbers = bool(rows) and all(map(_GCP_ROW.match, rows))
-    if numbers and system.count(" ") < 12 and not re.match(rf"\s*{_NUMBER}\s", system):
-        return "a coordinate system, then rows `x y z column row image`"
-    return ""
+    return numbers and system.count(" ") < 12 and not re.match(rf"\s*{_NUMBER}\s", system)
 
 
-def _geo(view: FileView) -> str:
+def _geo(view: FileView) -> bool:
     system, rows = _system_and_rows(view)
-    if rows and _CRS.match(system) and all(map(_GEO_ROW.match, rows)):
-        return "a coordinate system, then rows `image x y ...`"
-    return ""
+    return bool(rows and _CRS.match(system)) and all(map(_GEO_ROW.match, rows))
 
 
 RECONSTRUCTION = Format(
     "opensfm", "OpenSfM reconstruction", _reconstruction, "a JSON list with `cameras` and `shots`",
     carries=("cameras", "distortion", "start orientations", "start values of points", "times", "frame"),
-    drops=("image points", "control", "standard deviations", "strips", "rigs", "film"),
     page=PAGE, read=read_reconstruction, write=write_opensfm,
     written=("cameras", "distortion", "image points", "control", "start orientations", "start values of points",
              "times", "frame"),
@@ -73,7 +66,6 @@ TRACKS = Format(
     _tracks,
     "a first line OPENSFM_TRACKS_VERSION",
     carries=("image points",),
-    drops=("cameras", "control", "start orientations"),
     page=PAGE,
     read=read_tracks,
 )
@@ -83,7 +75,6 @@ GROUND_CONTROL = Format(
     _ground_control,
     "JSON `points` with `observations`",
     carries=("control", "image points", "frame"),
-    drops=("standard deviations", "check points"),
     page=PAGE,
     read=read_ground_control,
 )
@@ -93,7 +84,6 @@ GCP_LIST = Format(
     _gcp_list,
     "a coordinate system, then rows `x y z column row image`",
     carries=("control", "image points", "frame"),
-    drops=("standard deviations", "check points"),
     page=PAGE,
     read=read_gcp_list,
 )
@@ -103,7 +93,6 @@ GEO = Format(
     _geo,
     "a coordinate system, then rows `image x y ...`",
     carries=("positions", "attitudes", "standard deviations", "frame"),
-    drops=("image points", "control"),
     page=PAGE,
     read=read_geo,
 )

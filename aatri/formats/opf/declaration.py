@@ -25,7 +25,6 @@ OPF = Format(
     "opf", "OPF project", _recognised, f"`project.opf`, JSON of the format {PROJECT}",
     carries=("cameras", "distortion", "image points", "control", "check points", "positions", "attitudes",
              "start orientations", "frame", "standard deviations", "rigs"),
-    drops=("strips", "times", "covariances", "film"),
     page="docs/formats.md#opf", read=read_opf, files_of=_files, write=write_opf,
     written=("cameras", "distortion", "image points", "control", "check points", "start values of points", "positions",
              "start orientations", "frame", "standard deviations"),

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field
 
@@ -37,6 +37,11 @@ Content = Literal[
     "geodetic observations",
 ]  # fmt: skip
 """What a format may carry of a block."""
+
+OF_MODELS: tuple[Content, ...] = (
+    "cameras", "distortion", "image points", "start orientations", "start values of points"
+)  # fmt: skip
+"""What models of structure from motion have: BAL, Bundler, COLMAP, NVM."""
 
 
 @dataclass(frozen=True)
@@ -102,9 +107,9 @@ def all_files(view: FileView) -> list[Path]:
     return [view.path / name for name in view.names] if view.is_folder else [view.path]
 
 
-def begins(words: str) -> Callable[[FileView], str]:
+def begins(words: str) -> Callable[[FileView], bool]:
     """Recognises files that begin with some words."""
-    return lambda view: f"a first line {words}" if view.head.startswith(words) else ""
+    return lambda view: view.head.startswith(words)
 
 
 TakenPart = Literal["cameras", "image points", "ground points", "positions", "attitudes"]
@@ -181,13 +186,13 @@ class Format:
 
     name: str
     title: str
-    recognise: Callable[[FileView], str]
-    """What was seen in a file or folder by which it is of this format, in words; empty: it is not."""
+    recognise: Callable[[FileView], str | bool]
+    """What was seen in a file or folder by which it is of this format, in words; true: just what was looked for;
+    empty or false: it is not."""
     looked_for: str
     """What a file of this format has, in words, for messages."""
     carries: Sequence[Content]
-    drops: Sequence[Content] = ()
-    """What is read or written, and what the format has no place for."""
+    """What is read or written."""
     page: str = "docs/formats.md"
     """Page and section of the documentation."""
     read: Callable[[Path, Reading, Reporter], BlockParts] | None = None
@@ -208,3 +213,8 @@ class Format:
     """Whether a folder holds several projects of this format."""
     beside: Sequence[tuple[str, str]] = ()
     """Formats of files that its stage takes, each with the option that names it: `(("dbat_control", "control"),)`."""
+
+    @property
+    def drops(self) -> tuple[Content, ...]:
+        """What it does not carry."""
+        return tuple(content for content in get_args(Content) if content not in self.carries)

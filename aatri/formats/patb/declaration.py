@@ -26,7 +26,6 @@ PATB = Format(
     _recognised,
     "three records of fixed width a photo",
     carries=("start orientations",),
-    drops=("cameras", "image points", "control", "frame", "standard deviations"),
     page="docs/formats.md#patb",
     read=read_patb,
     write=write_patb,

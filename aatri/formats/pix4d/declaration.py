@@ -16,7 +16,6 @@ PIX4D = Format(
     _recognised,
     "`*_calibrated_camera_parameters.txt`",
     carries=("cameras", "distortion", "start orientations"),
-    drops=("image points", "control", "standard deviations", "frame", "strips", "times", "rigs", "film"),
     page="docs/formats.md#pix4d-parameters",
     read=read_pix4d,
     files_of=all_files,

@@ -18,7 +18,7 @@ from aatri.formats.dbat.reader import read_dbat
 from aatri.formats.gama.reader import read_gama
 from aatri.formats.pairs.reader import read_pairs
 from aatri.formats.parts.block_parts import PLANE, BlockParts
-from aatri.formats.parts.format import Content, FileView, Format, Reading, Writing, all_files
+from aatri.formats.parts.format import OF_MODELS, Content, FileView, Format, Reading, Writing, all_files
 from aatri.formats.parts.of_block import parts_of
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.tables.reader import read_block
@@ -35,13 +35,6 @@ _BAL_ROW = re.compile(rf"\s*[0-9]+\s+[0-9]+\s+{_NUMBER}\s+{_NUMBER}\s*$")
 _PAIR_HEAD = re.compile(rf"\s*{_NUMBER}(?:[\s,]+{_NUMBER}[\s,]+{_NUMBER})?\s*$")
 _PAIR_ROW = re.compile(rf"\s*\S+(?:[\s,]+{_NUMBER}){{4}}\s*$")
 _WUCAPS = ("PRECAI", "PREPHI", "PRECKI", "PRECPI")
-OF_MODELS: tuple[Content, ...] = (
-    "cameras",
-    "distortion",
-    "image points",
-    "start orientations",
-    "start values of points",
-)
 OF_FLIGHTS: tuple[Content, ...] = (
     "cameras",
     "image points",
@@ -164,7 +157,6 @@ WUCAPS = _format(
     "a folder with PRECAI, PREPHI, PRECKI, PRECPI",
     read_wucaps,
     carries=OF_FLIGHTS,
-    drops=("distortion", "standard deviations", "frame"),
     page="docs/formats.md#wucaps-files",
     files_of=all_files,
     write=write_oriented,
@@ -175,7 +167,7 @@ DBAT = Format(
     stage="block/dbat", beside=(("dbat_control", "control"),),
     carries=("cameras", "distortion", "image points", "control", "start values of points", "start orientations",
              "standard deviations"),
-    drops=("positions", "attitudes", "strips", "frame"), page="docs/formats.md#dbat-photomodeler-exports",
+    page="docs/formats.md#dbat-photomodeler-exports",
 )  # fmt: skip
 DBAT_CONTROL = Format(
     "dbat_control",
@@ -184,7 +176,6 @@ DBAT_CONTROL = Format(
     "rows `number, name, X, Y, Z` and no, one or three standard deviations, commas between",
     read=_read_dbat_control,
     carries=("control", "standard deviations"),
-    drops=("cameras", "image points", "check points", "frame"),
     page="docs/formats.md#dbat-photomodeler-exports",
 )
 BAL = _format(
@@ -193,8 +184,7 @@ BAL = _format(
     _bal,
     "three numbers, then rows `camera point x y`",
     read_bal,
-    carries=("cameras", "distortion", "image points", "start values of points", "start orientations"),
-    drops=("control", "positions", "attitudes", "strips", "frame", "standard deviations"),
+    carries=OF_MODELS,
     page="docs/formats.md#bundle-adjustment-in-the-large",
     write=write_bal_problem,
     written=OF_MODELS,
@@ -205,8 +195,7 @@ COLMAP = _format(
     _colmap,
     "a folder with cameras, images, points3D (.txt or .bin)",
     read_colmap,
-    carries=("cameras", "distortion", "image points", "start values of points", "start orientations"),
-    drops=("control", "positions", "attitudes", "strips", "frame", "standard deviations"),
+    carries=OF_MODELS,
     page="docs/formats.md#colmap-models",
     files_of=all_files,
     write=write_colmap_model,
@@ -220,7 +209,6 @@ PAIRS = _format(
     "a folder of files *.dat: principal distance, then `point x1 y1 x2 y2`",
     partial(read_pairs, unit_um=1000.0, image_sigma_um=10.0),
     carries=("cameras", "image points", "control", "check points", "strips", "film"),
-    drops=("distortion", "positions", "attitudes", "frame", "standard deviations"),
     page="docs/formats.md#pair-files",
     files_of=all_files,
 )
@@ -231,6 +219,5 @@ GAMA = _format(
     "XML with <gama-local>",
     read_gama,
     carries=("control", "start values of points", "geodetic observations", "standard deviations", "covariances"),
-    drops=("cameras", "image points", "positions", "attitudes"),
     page="docs/formats.md#gnu-gama-networks",
 )

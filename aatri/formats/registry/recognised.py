@@ -100,7 +100,7 @@ def _as_one(path: Path) -> Recognised | None:
     view = FileView(path)
     for f in FORMATS:
         if seen := f.recognise(view):
-            return Recognised(f, path, seen)
+            return Recognised(f, path, f.looked_for if seen is True else str(seen))
     return None
 
 

@@ -12,7 +12,6 @@ GPF = Format(
     begins("GROUND POINT FILE"),
     "a first line GROUND POINT FILE",
     carries=("control", "start values of points", "standard deviations", "frame"),
-    drops=("image points", "check points", "covariances"),
     page=PAGE,
     read=read_gpf,
 )
@@ -22,7 +21,6 @@ IPF = Format(
     begins("IMAGE POINT FILE"),
     "a first line IMAGE POINT FILE",
     carries=("image points", "standard deviations"),
-    drops=("cameras", "control", "start orientations"),
     page=PAGE,
     read=read_ipf,
 )
