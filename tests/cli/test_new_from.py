@@ -148,7 +148,8 @@ def test_formats_are_listed_and_described() -> None:
     assert {"tables", "opensfm", "odm_gcp", "colmap"} <= {f["name"] for f in listed}
     result = invoked("formats", "odm_gcp")
     (lacking,) = (line for line in result.stdout.splitlines() if line.startswith("does not carry"))
-    assert "standard deviations" in lacking and "image points" not in lacking
+    assert "standard deviations" in lacking
+    assert "image points" not in lacking
     assert invoked("formats", "odm_gpc").exit_code == 3
 
 
