@@ -12,6 +12,7 @@ import typer
 from aatri.cli.arguments.choice import complete, listed, one_of
 from aatri.cli.arguments.completion import complete_new_variant, complete_path
 from aatri.cli.arguments.options import SourceSettings
+from aatri.cli.new_from_text import ACCURACY, HEAD, OF_GRAPH, WITH_START, of_matched, path_from, with_options
 from aatri.cli.terminal.console import narrate, reports_errors, say
 from aatri.errors import ResourceError, SpecError
 
@@ -48,7 +49,7 @@ _HEAD = {
     BlockSource.unordered: """\
 # Digital images of any arrangement, given as tables without strips or order: fill in block.yaml, images.csv ... in the
 # folder `block` beside this file. Refraction and earth curvature are corrected in near-vertical images only.
-# Without control and positions give the bundle `with: {datum: free}`.
+# Without control and positions give the bundle `datum: free`.
 """,
     BlockSource.wucaps: """\
 # A block given as WuCAPS files (camera, image coordinates, control, orientation points) in the folder `block` beside
@@ -66,50 +67,19 @@ _HEAD = {
 # It has no datum; with `control: ground_points.csv` at the block, leave out `datum` of the bundle.
 """,
 }
-_BUNDLE_ONLY = """\
-run: runs/block
-seed: 1
-stages:
-  block:    {block}
-  interior: {{use: interior_orientation/calibrated, from: {{block}}}}
-  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: interior}}{datum}}}
-  accuracy: {{use: accuracy/evaluation, from: {{block, solution: bundle}}}}
-"""
-_UNORDERED = """\
-run: runs/block
-seed: 1
-stages:
-  block:    {use: block/tables, with: {path: block}}
-  interior: {use: interior_orientation/calibrated, from: {block}}
-  refined:  {use: image_refinement/systematic, from: {block, image_points: interior},
-             with: {refraction: false, earth_curvature: false}}
-  initial:  {use: initial_orientation/graph, from: {block, image_points: refined}}
-  bundle:   {use: bundle_adjustment/bundle, from: {block, image_points: refined, initial},
-             with: {blunders: robust_snooping}}
-  accuracy: {use: accuracy/evaluation, from: {block, solution: bundle}}
-"""
 PHOTOS = """\
 # Photographs: images, cameras and positions are what their files say, tie points are found in their pixels.
-# Without positions give the bundle `with: {{datum: free}}`. Control measured elsewhere: `aatri new --from PHOTOGRAPHS
+# Without positions give the bundle `datum: free`. Control measured elsewhere: `aatri new --from PHOTOGRAPHS
 # --from LIST`; to measure control: `aatri export RUN:block tables FOLDER`, then `aatri measure FOLDER`.
-run: runs/block
-seed: 1
-stages:
-  photos:   {{use: block/photos, with: {{path: {path}}}}}
-  block:    {{use: tie_points/sift, from: {{block: photos}}}}
-  interior: {{use: interior_orientation/calibrated, from: {{block}}}}
-  initial:  {{use: initial_orientation/graph, from: {{block, image_points: interior}}}}
-  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: interior, initial}},
-             with: {{blunders: robust_snooping}}}}
-  accuracy: {{use: accuracy/evaluation, from: {{block, solution: bundle}}}}
 """
-_MINIMAL = ", with: {datum: minimal}"
+_OF_GRAPH = with_options(OF_GRAPH + ACCURACY, ["blunders: robust_snooping"])
+PHOTOS += HEAD + "  photos:   {use: block/photos, with: {path: @PATH@}}\n" + of_matched(_OF_GRAPH)
 _WITH_START = {
-    BlockSource.dbat: ("{use: block/dbat, with: {path: export.txt, control: control.txt}}", ""),
-    BlockSource.bal: ("{use: block/bal, with: {path: problem.txt}}", _MINIMAL),
-    BlockSource.colmap: ("{use: block/colmap, with: {path: sparse}}", _MINIMAL),
+    BlockSource.dbat: ("{use: block/dbat, with: {path: export.txt, control: control.txt}}", []),
+    BlockSource.bal: ("{use: block/bal, with: {path: problem.txt}}", ["datum: minimal"]),
+    BlockSource.colmap: ("{use: block/colmap, with: {path: sparse}}", ["datum: minimal"]),
 }
-"""Blocks with start values of all images: how they are read, and the datum."""
+"""Blocks with start values of all images: how they are read, and the options of their bundle."""
 _TABLES = {"block": "{use: block/tables, with: {path: block}}"}
 _CALIBRATED = {"interior": "{use: interior_orientation/calibrated, from: {block}}"}
 _CORRECTED = {
@@ -270,14 +240,13 @@ def _text(block: BlockSource, folder: Path, photographs: Path | None) -> str:
 
         return (sample_folder() / "pipeline.yaml").read_text(encoding="utf-8")
     if block is BlockSource.unordered:
-        return _HEAD[block] + _UNORDERED
+        return _HEAD[block] + HEAD + "  block:    {use: block/tables, with: {path: block}}\n" + _OF_GRAPH
     if block is BlockSource.photos:
-        from aatri.cli.new_from_text import path_from
-
-        return PHOTOS.format(path=json.dumps(path_from(photographs or folder / "photos", folder), ensure_ascii=False))
+        path = json.dumps(path_from(photographs or folder / "photos", folder), ensure_ascii=False)
+        return PHOTOS.replace("@PATH@", path)
     if block in _WITH_START:
-        read, datum = _WITH_START[block]
-        return _HEAD[block] + _BUNDLE_ONLY.format(block=read, datum=datum)
+        read, options = _WITH_START[block]
+        return f"{_HEAD[block]}{HEAD}  block:    {read}\n{with_options(WITH_START + ACCURACY, options)}"
     body = demo[demo.index("run:") :].replace("runs/demo", "runs/block")
     for stage, value in _LINES[block].items():
         body = re.sub(rf"^(  {stage}: +).*$", rf"\g<1>{value}", body, flags=re.MULTILINE)

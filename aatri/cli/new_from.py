@@ -13,7 +13,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from aatri.cli.new_from_text import pipeline_text
+from aatri.cli.new_from_text import (
+    ACCURACY,
+    NETWORK,
+    OF_GRAPH,
+    OF_STRIPS,
+    WITH_START,
+    of_matched,
+    pipeline_text,
+    with_options,
+)
 from aatri.cli.terminal.console import NARRATED, narrate
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError, SpecError
@@ -40,33 +49,6 @@ MAY_BE_OBSERVED = """\
       # positions of the files are start values; of measured ones say `use: observed` beside their path, and here:
       # position_sigma: [0.1, 0.1, 0.1]   # m
       # attitude_sigma_deg: 0.01
-"""
-INTERIOR = "  interior: {use: interior_orientation/calibrated, from: {block}}\n"
-REFINED = """\
-  refined:  {use: image_refinement/systematic, from: {block, image_points: interior},
-             with: {refraction: false, earth_curvature: false}}
-"""
-ACCURACY = "  accuracy: {use: accuracy/evaluation, from: {block, solution: bundle}}\n"
-MATCHED = "  block:    {use: tie_points/sift, from: {block: photos}}\n"
-"""Tie points of photographs, which stand before it."""
-WITH_START = f"""\
-  # the files have start values of every image, so that the adjustment begins with them
-{INTERIOR}  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: interior}}{{with}}}}
-"""
-NETWORK = "  # no images: a network\n  bundle:   {use: bundle_adjustment/bundle, from: {block}{with}}\n"
-OF_GRAPH = f"""\
-  # images without start values and without strips: oriented along the graph of their pairs
-{INTERIOR}{REFINED}\
-  initial:  {{use: initial_orientation/graph, from: {{block, image_points: refined}}}}
-  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: refined, initial}}{{with}}}}
-"""
-OF_STRIPS = f"""\
-  # strips without start values: models, strips, their orientation by control, then the bundle
-{INTERIOR}{REFINED}\
-  models:   {{use: relative_orientation/dependent, from: {{block, image_points: refined}}}}
-  strips:   {{use: strip_formation/scale_transfer, from: {{block, models}}}}
-  absolute: {{use: absolute_orientation/similarity, from: {{block, image_points: refined, strips}}}}
-  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: refined, initial: absolute}}{{with}}}}
 """
 
 
@@ -103,7 +85,7 @@ def pipeline_from(
     single_stage = len(sources) == 1 and bool(sources[0].format.stage)
     stated = {s.key: s.value for s in settings} if single_stage else of_block(settings)
     if not parts:
-        return pipeline_text(sources, folder, _with(OF_STRIPS, []), stated=stated)
+        return pipeline_text(sources, folder, with_options(OF_STRIPS, []), stated=stated)
     for of_source in parts:
         narrate(f"  {of_source.format}: {', '.join(_counted(of_source)) or 'nothing of a block'}")
         for note in of_source.notes:
@@ -135,8 +117,7 @@ def pipeline_from(
         narrate(f"positions are start values: no file says that they were measured; if they were: {remedy}")
     if not _to_match(block):
         return pipeline_text(sources, folder, stages, hint + grids, stated=stated)
-    stages = MATCHED + stages.replace(REFINED, "").replace("image_points: refined", "image_points: interior")
-    return pipeline_text(sources, folder, stages, hint + grids, stated=stated, name="photos")
+    return pipeline_text(sources, folder, of_matched(stages), hint + grids, stated=stated, name="photos")
 
 
 def _not_stated(stated: Mapping[str, object]) -> NotStated:
@@ -269,16 +250,11 @@ def _stages(block: Block, options: list[str]) -> str:
     if not len(block.images):
         return _of_network(_has_datum(block))
     if _has_start(block):
-        return _with(WITH_START + ACCURACY, [*["datum: minimal"] * (not _has_datum(block)), *options])
+        return with_options(WITH_START + ACCURACY, [*["datum: minimal"] * (not _has_datum(block)), *options])
     if (block.images.strip >= 0).all() and _has_datum(block):
-        return _with(OF_STRIPS + ACCURACY, options)
-    return _with(OF_GRAPH + ACCURACY, [*["datum: free"] * (not _has_datum(block)), *options])
+        return with_options(OF_STRIPS + ACCURACY, options)
+    return with_options(OF_GRAPH + ACCURACY, [*["datum: free"] * (not _has_datum(block)), *options])
 
 
 def _of_network(has_datum: bool) -> str:
-    return _with(NETWORK + ACCURACY, [] if has_datum else ["datum: free, datum_over: marked"])
-
-
-def _with(stages: str, options: Sequence[str]) -> str:
-    """The stages, the bundle with its options."""
-    return stages.replace("{with}", f", with: {{{', '.join(options)}}}" if options else "")
+    return with_options(NETWORK + ACCURACY, [] if has_datum else ["datum: free, datum_over: marked"])

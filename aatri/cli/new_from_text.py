@@ -1,4 +1,4 @@
-"""The pipeline of `aatri new --from` as text: the line that reads the block with what is said of it, the stages."""
+"""Pipelines that `aatri new` writes, as text: the line that reads the block with what is said of it, the stages."""
 
 from __future__ import annotations
 
@@ -14,6 +14,35 @@ if TYPE_CHECKING:
 
 REMARKS = {"control_sigma": "     # m, of control without a standard deviation; 0 is exact"}
 """What stands beside an option of the block."""
+
+HEAD = "run: runs/block\nseed: 1\nstages:\n"
+INTERIOR = "  interior: {use: interior_orientation/calibrated, from: {block}}\n"
+REFINED = """\
+  refined:  {use: image_refinement/systematic, from: {block, image_points: interior},
+             with: {refraction: false, earth_curvature: false}}
+"""
+ACCURACY = "  accuracy: {use: accuracy/evaluation, from: {block, solution: bundle}}\n"
+MATCHED = "  block:    {use: tie_points/sift, from: {block: photos}}\n"
+"""Tie points of photographs, which stand before it."""
+WITH_START = f"""\
+  # the files have start values of every image, so that the adjustment begins with them
+{INTERIOR}  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: interior}}{{with}}}}
+"""
+NETWORK = "  # no images: a network\n  bundle:   {use: bundle_adjustment/bundle, from: {block}{with}}\n"
+OF_GRAPH = f"""\
+  # images without start values and without strips: oriented along the graph of their pairs
+{INTERIOR}{REFINED}\
+  initial:  {{use: initial_orientation/graph, from: {{block, image_points: refined}}}}
+  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: refined, initial}}{{with}}}}
+"""
+OF_STRIPS = f"""\
+  # strips without start values: models, strips, their orientation by control, then the bundle
+{INTERIOR}{REFINED}\
+  models:   {{use: relative_orientation/dependent, from: {{block, image_points: refined}}}}
+  strips:   {{use: strip_formation/scale_transfer, from: {{block, models}}}}
+  absolute: {{use: absolute_orientation/similarity, from: {{block, image_points: refined, strips}}}}
+  bundle:   {{use: bundle_adjustment/bundle, from: {{block, image_points: refined, initial: absolute}}{{with}}}}
+"""
 
 
 def pipeline_text(
@@ -42,7 +71,7 @@ def pipeline_text(
             "      sources:                           # the first with images says which there are\n" + lines
         )
     count = f"{len(sources)} source{'s' * (len(sources) != 1)}"
-    return f"# Written by aatri new --from; {count}.\nrun: runs/block\nseed: 1\nstages:\n{block}{stages}"
+    return f"# Written by aatri new --from; {count}.\n{HEAD}{block}{stages}"
 
 
 def _of_source(source: SourceWithSettings, folder: Path) -> dict[str, object]:
@@ -75,3 +104,13 @@ def _value(value: object) -> str:
 def path_from(path: Path, folder: Path) -> str:
     """The path as the pipeline names it: relative to its folder."""
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+
+
+def with_options(stages: str, options: Sequence[str]) -> str:
+    """The stages, the bundle with its options."""
+    return stages.replace("{with}", f", with: {{{', '.join(options)}}}" if options else "")
+
+
+def of_matched(stages: str) -> str:
+    """The stages of photographs, the stage `photos`, whose tie points are found in their pixels; nothing is refined."""
+    return MATCHED + stages.replace(REFINED, "").replace("image_points: refined", "image_points: interior")
