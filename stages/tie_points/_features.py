@@ -110,6 +110,5 @@ def _tell_weak(block: Block, images: Int, context: Context) -> None:
     if len(weak):
         context.warn(
             f"{several(len(weak), 'image', 'has', 'have')} tie points in less than {FEWEST_CELLS:.0%} of "
-            f"their {CELLS} x {CELLS} "
-            f"cells: {shown(weak)}"
+            f"their {CELLS} x {CELLS} cells: {shown(weak)}"
         )

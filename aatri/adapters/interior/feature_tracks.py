@@ -76,8 +76,7 @@ def with_tie_points(
     rays = np.bincount(tracks.track)
     reporter.log(
         f"{several(len(rays), 'tie point')} with {several(len(tracks.track), 'image point')}, "
-        f"{int((rays > 2).sum())} in three "
-        f"images and more; {tracks.refused} refused with two places in one image"
+        f"{int((rays > 2).sum())} in three images and more; {tracks.refused} refused with two places in one image"
     )
     if not len(rays):
         raise InputError("no tie points: the images have nothing in common", where=block.name, remedy="see the log")
@@ -162,7 +161,6 @@ def _checked(
             passed[k] = features.matches[k][active]
     reporter.log(
         f"{several(len(features.pairs), 'pair')}, {len(enough)} with {min_matches} matches, "
-        f"{len(passed)} pass the check "
-        f"with {sum(map(len, passed.values()))} of {start[-1]} matches"
+        f"{len(passed)} pass the check with {sum(map(len, passed.values()))} of {start[-1]} matches"
     )
     return passed

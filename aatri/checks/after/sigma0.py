@@ -70,8 +70,7 @@ def sigma0(
         if follow.sigma0 >= follow.low:
             text = (
                 f"sigma0 {test.sigma0:.3f} (redundancy {counted}); as the {several(held, 'unknown')} "
-                "held follow the observations "
-                f"that made them, {follow.sigma0:.3f} (redundancy {follow.redundancy})"
+                f"held follow the observations that made them, {follow.sigma0:.3f} (redundancy {follow.redundancy})"
             )
             return [Finding("sigma0", "note", text, statistic=follow.sigma0)]
     note = sigma0_note(test, "" if scale == 1.0 else "with standard deviations that fit")

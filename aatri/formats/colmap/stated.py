@@ -40,8 +40,7 @@ def compare_tracks(model: ColmapModel, reporter: Reporter) -> list[InputError]:
     if len(away := np.unique(track[~here, 1])):
         reporter.warn(
             f"{model.paths[2]}: its tracks name {several(len(away), 'image', 'that is', 'that are')} not "
-            f"in {model.paths[1].name}: "
-            f"{shown(map(str, away.tolist()))}; is it complete?"
+            f"in {model.paths[1].name}: {shown(map(str, away.tolist()))}; is it complete?"
         )
     features = [
         np.stack([image.point[k], np.full(len(k), image.id), k], axis=1)

@@ -98,8 +98,7 @@ def read_photographs(
     if turned:
         notes.append(
             f"{several(len(turned), 'photograph', 'is', 'are')} marked as turned for viewers; pixels "
-            "count as they lie in the "
-            f"file: {shown(turned)}"
+            f"count as they lie in the file: {shown(turned)}"
         )
     return parts
 
@@ -131,8 +130,7 @@ def _cameras(
     if unknown:
         notes.append(
             f"{several(len(unknown), 'photograph', 'says', 'say')} no focal length, or 0: {WITHOUT_EXIF} "
-            "times the longer side is taken, "
-            f"by {FOCAL_SHARE:.0%}: {shown(names[k] for k in unknown)}"
+            f"times the longer side is taken, by {FOCAL_SHARE:.0%}: {shown(names[k] for k in unknown)}"
         )
     focal = {(p.camera, round(p.focal_px, 1)): p for p in photos}
     of_two = {name for name, _ in focal if sum(own_name == name for own_name, _ in focal) > 1}

@@ -71,8 +71,7 @@ class Source:
         more = ", ..." if len(copies) > MOST_PER_COLUMN else ""
         self.reporter.warn(
             f"{table.where(copies[0])}: {several(len(copies), 'row', 'repeats', 'repeat')} an earlier "
-            "one in every digit, counted "
-            f"once: line {lines}{more}"
+            f"one in every digit, counted once: line {lines}{more}"
         )
         return table.taken(sorted(first.values()))
 
