@@ -16,7 +16,7 @@
    used without it; every other group is kept, all of it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,7 +91,7 @@ def search_with_groups(
     groups, least_squares = list[Group](), None
     carried = rejected_points_of_sets(block) if any(o.rejected_in_set is not None for o in block.observed) else []
     if options.method != "none":
-        for taken_back in [touched for touched in (POINT, POSE) if any(_several(o, touched) for o in block.observed)]:
+        for taken_back in _rejected_before(block.observed):
             observed = tuple(o.again() if _several(o, taken_back) else o for o in block.observed)
             with_earlier = replace(block, observed=observed)
             groups, least_squares = _groups_before_single_errors(with_earlier, adjust, candidates_of, options, carried)
@@ -134,6 +134,15 @@ def _estimate(number: int, result: BundleResult) -> tuple[Float, Float]:
     """Parameters of a group that is carried, and their covariance, a posteriori where sigma0 is above 1."""
     name = name_of(number)
     return result.adjusted.state[name][0], result.covariances[name][0] * max(1.0, result.adjusted.sigma0) ** 2
+
+
+def _rejected_before(observed: Sequence[Observed]) -> list[str]:
+    """Of what an earlier stage has rejected several: control (POINT), positions and attitudes (POSE).
+
+    One by one they are rejected, too, where all heights of the control are in another unit, or something else is wrong
+    with a strip: the principal distance of its camera.
+    """
+    return [touched for touched in (POINT, POSE) if any(_several(o, touched) for o in observed)]
 
 
 def _several(o: Observed, touched: str) -> bool:
