@@ -9,18 +9,16 @@
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from aatri.arrays import Float, Int
-from aatri.errors import InputError
 from aatri.formats.colmap.model import MODELS, NAMES, ColmapCamera, ColmapImage, ColmapModel
 from aatri.formats.colmap.stated import compare_count, stated_counts
 from aatri.formats.text.number_text import numbers_of, what_is_wrong, whole_number_of
 from aatri.formats.text.text_file import read_lines
-from aatri.formats.text.text_line import blank_separated
+from aatri.formats.text.text_line import TextLine, blank_separated
 from aatri.ids import clipped, did_you_mean, several
 from aatri.progress import SILENT, Reporter
 
@@ -74,18 +72,10 @@ def _joined(values: Sequence[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-@dataclass(frozen=True)
-class _Row:
-    """The words of a line, and where it stands."""
+class _Row(TextLine):
+    """A line of many numbers, which are read at once."""
 
-    words: list[str]
-    path: Path
-    line: int
-
-    def error(self, what: str, remedy: str) -> InputError:
-        return InputError(what, where=f"{self.path}:{self.line}", remedy=remedy)
-
-    def numbers(self, start: int, stop: int | None = None) -> Float:
+    def values(self, start: int, stop: int | None = None) -> Float:
         words = self.words[start:stop]
         values, bad = numbers_of(words)
         if bad:
@@ -127,7 +117,7 @@ def _camera(row: _Row) -> ColmapCamera:
     if len(row.words) != 4 + MODELS[model]:
         what = f"{several(len(row.words) - 4, 'parameter')} of a {model}"
         raise row.error(what, f"it has {MODELS[model]}")
-    return ColmapCamera(row.integer(0), model, row.integer(2), row.integer(3), tuple(row.numbers(4).tolist()), row.line)
+    return ColmapCamera(row.integer(0), model, row.integer(2), row.integer(3), tuple(row.values(4).tolist()), row.line)
 
 
 def _images(path: Path, lines: list[str]) -> list[ColmapImage]:
@@ -153,10 +143,10 @@ def _image(head: _Row, features: _Row) -> ColmapImage:
         what = f"{several(len(features.words), 'word')} where `x y point3D` should repeat"
         raise features.error(what, "each image has two lines, the second may be empty")
     words = features.words
-    xy = np.stack([_Row(words[k::3], features.path, features.line).numbers(0) for k in (0, 1)], axis=1)
+    xy = np.stack([_Row(words[k::3], features.path, features.line).values(0) for k in (0, 1)], axis=1)
     ids = _Row(words[2::3], features.path, features.line)
     point = ids.integers()
-    pose = head.numbers(1, 8).tolist()
+    pose = head.values(1, 8).tolist()
     return ColmapImage(
         head.integer(0),
         tuple(pose[:4]),
@@ -182,7 +172,7 @@ def _points(rows: list[_Row]) -> tuple[Int, Float, Int, Int]:
         tracks.append(np.insert(track.reshape(-1, 2), 0, row.integer(0), axis=1))
     return (
         np.array([row.integer(0) for row in rows], dtype=np.int64),
-        np.array([row.numbers(1, 4) for row in rows], dtype=np.float64).reshape(-1, 3),
+        np.array([row.values(1, 4) for row in rows], dtype=np.float64).reshape(-1, 3),
         np.array([row.line for row in rows], dtype=np.int32),
         np.concatenate(tracks),
     )

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from aatri.errors import InputError
 from aatri.formats.text.number_text import number_of
@@ -20,11 +20,9 @@ PlaceT = TypeVar("PlaceT", bound="ReadAt")
 _WORD = re.compile(rf'"[^"]*"(?=[{_BLANKS}]|$)|[^{_BLANKS}]+')
 
 
-@dataclass(frozen=True)
-class TextLine:
-    """The words of a line, and where it stands."""
+class ReadAt:
+    """Whatever stands in a line of a file."""
 
-    words: list[str]
     path: Path
     line: int
 
@@ -36,6 +34,15 @@ class TextLine:
     def error(self, what: str, remedy: str = "") -> InputError:
         """An error at this line."""
         return InputError(what, where=self.where, remedy=remedy)
+
+
+@dataclass(frozen=True)
+class TextLine(ReadAt):
+    """The words of a line, and where it stands."""
+
+    words: list[str]
+    path: Path
+    line: int
 
     def number(self, k: int) -> float:
         """The word as a number."""
@@ -92,16 +99,6 @@ def word_lines(path: Path, reporter: Reporter = SILENT, *, blanks: str = "", rem
     if not rows:
         raise InputError("the file has no rows", where=str(path), remedy="put the data in")
     return rows
-
-
-class ReadAt(Protocol):
-    """Whatever stands in a line of a file."""
-
-    @property
-    def path(self) -> Path: ...
-    @property
-    def line(self) -> int: ...
-    def error(self, what: str, remedy: str = ...) -> InputError: ...
 
 
 def once(at: PlaceT, name: str, first: dict[str, PlaceT], what: str, remedy: str = "remove one") -> None:

@@ -23,7 +23,7 @@ from aatri.errors import InputError
 from aatri.formats.text.archive import ZIP, Archive, only_document
 from aatri.formats.text.number_text import number_of, whole_number_of
 from aatri.formats.text.text_file import read_bytes, refuse_page
-from aatri.formats.text.text_line import blank_separated
+from aatri.formats.text.text_line import ReadAt, blank_separated
 from aatri.ids import clipped
 
 _DECLARED = re.compile(rb"""\s*<\?xml[^>]{0,200}?\sencoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
@@ -39,7 +39,7 @@ MOST_LEVELS = 100
 
 
 @dataclass(eq=False)
-class XmlElement:
+class XmlElement(ReadAt):
     """An element: name, attributes, the text directly in it, the elements in it, and where it stands."""
 
     tag: str
@@ -53,15 +53,6 @@ class XmlElement:
     def text(self) -> str:
         """The text in it, blanks at its ends left out."""
         return "".join(self.pieces).strip(" \t\r\n")
-
-    @property
-    def where(self) -> str:
-        """`file:line`."""
-        return f"{self.path}:{self.line}"
-
-    def error(self, what: str, remedy: str = "") -> InputError:
-        """An error at this element."""
-        return InputError(what, where=self.where, remedy=remedy)
 
     def get(self, name: str, default: str = "") -> str:
         """An attribute."""
