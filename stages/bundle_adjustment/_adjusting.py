@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 from aatri.adapters.bundle.bundle_input import with_parameters
 from aatri.adapters.bundle.candidate_groups import candidate_groups
 from aatri.adapters.exchanged_at_start import without_exchanged
+from aatri.adjustment.elimination.factor import Factor
 from aatri.adjustment.settings import SolverSettings
 from aatri.artifacts.solution import VarianceComponents
 from aatri.checks.after.rank_defect import rank_advice
@@ -81,7 +83,7 @@ def _searched(
     if options.variance_components is not None and searching.sigmas == "estimated":
         searching = replace(searching, sigmas="tests")  # the weights are for them to find
 
-    adjust = failing_once(partial(adjusted, options=options, context=context))
+    adjust = _with_one_file(failing_once(partial(adjusted, options=options, context=context)))
 
     def single(block: BundleInput, squares: list[BundleResult] | None) -> AdjustedBlock:
         if searching.method == "none":
@@ -121,6 +123,21 @@ def _searched(
         removed = [note for note in done.notes if note not in before]
         done = replace(without_idle, notes=(*without_idle.notes, *removed), considered=done.considered)
     return done, groups
+
+
+def _with_one_file(adjust: Callable[..., BundleResult]) -> Callable[..., BundleResult]:
+    """An adjustment before which the factor that the last result has kept in a file gives back its room."""
+    kept: list[Factor] = []
+
+    def once(block: BundleInput, adjusting: AdjustOptions = AdjustOptions()) -> BundleResult:
+        while kept:
+            kept.pop().clear()
+        result = adjust(block, adjusting)
+        if result.adjusted.factored is not None and result.adjusted.problem.spill:
+            kept.append(result.adjusted.factored.factor)
+        return result
+
+    return once
 
 
 def adjusted(
@@ -167,5 +184,12 @@ def _settings(options: BundleOptions, adjusting: AdjustOptions, context: Context
     )
     keep_factor = not searched  # a search would keep the factors of several adjustments
     return BundleSettings(
-        options.datum, options.datum_over, covariances, keep_factor, adjusting.huber, adjusting.weights, solution
+        options.datum,
+        options.datum_over,
+        covariances,
+        keep_factor,
+        adjusting.to_end_if_near,
+        adjusting.huber,
+        adjusting.weights,
+        solution,
     )

@@ -14,9 +14,8 @@ import numpy as np
 
 from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
 from aatri.adjustment.covariance.s_transformation import STransformation
-from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.right_hand_sides import forward, sides_of
-from aatri.adjustment.stepping.adjusted import Adjusted
+from aatri.adjustment.stepping.adjusted import Adjusted, factor_of
 from aatri.adjustment.stepping.robust import refuse_covariances
 from aatri.arrays import Float, Int
 
@@ -39,7 +38,7 @@ def covariances_of_pairs(adjusted: Adjusted, pairs: Sequence[tuple[Block, Block]
     """
     refuse_covariances(adjusted.down_weighted)
     problem, state = adjusted.problem, adjusted.state
-    factored = adjusted.factored or factorise(problem, state)
+    factored = factor_of(adjusted)
     W = covariance_reduction(problem, factored, state)
     covariance_of_pair: dict[int, Float] = {}
     for second in dict.fromkeys(second for _, second in pairs):
@@ -68,7 +67,7 @@ def joint_covariance(adjusted: Adjusted, group: str, blocks: Int, free_datum: ST
     """
     refuse_covariances(adjusted.down_weighted)
     problem, state = adjusted.problem, adjusted.state
-    factored = adjusted.factored or factorise(problem, state)
+    factored = factor_of(adjusted)
     unit = _unit_vectors(adjusted, group, blocks)
     Q = forward(problem, factored, state, sides_of(problem, {group: unit})).gram()
     constrained = covariance_reduction(problem, factored, state)

@@ -16,9 +16,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
-from aatri.adjustment.stepping.adjusted import Adjusted
+from aatri.adjustment.stepping.adjusted import Adjusted, factor_of
 from aatri.arrays import Bool, Float, Int
 
 MOST_UNIT_VECTORS = 64
@@ -122,7 +121,7 @@ def _effective(
 def _covariance_times(adjusted: Adjusted, group: str) -> Callable[[Float], Float]:
     """The product of the covariance of all blocks of a group with right-hand sides, (n, k, v) -> (n, k, v)."""
     problem, state = adjusted.problem, adjusted.state
-    factored = adjusted.factored or factorise_constrained(problem, state)
+    factored = factor_of(adjusted)
     W = covariance_reduction(problem, factored, state)
     return lambda right: covariance_times(problem, factored, state, W, {group: right})[group]
 

@@ -22,12 +22,11 @@ from aatri.adjustment.covariance.of_records import direct_covariances, kept_cova
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.chunks import linearised, side_by_side
 from aatri.adjustment.elimination.factor import Factored
-from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.elimination.joint import shared_front
 from aatri.adjustment.elimination.schedule import Schedule, Stretch, of_node
 from aatri.adjustment.kernels.covariance import block_covariances, part_of
 from aatri.adjustment.records import predicted
-from aatri.adjustment.stepping.adjusted import Adjusted
+from aatri.adjustment.stepping.adjusted import Adjusted, factor_of
 from aatri.adjustment.stepping.robust import refuse_covariances
 from aatri.adjustment.structure.index import part_columns
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
@@ -67,10 +66,9 @@ def marginal_covariances(adjusted: Adjusted, *, blocks: bool = True, gains_of: C
         Groups of unknowns of whose blocks the gains are wanted, see `gains`.
     """
     refuse_covariances(adjusted.down_weighted)
-    problem, state, factored = adjusted.problem, adjusted.state, adjusted.factored
-    release = factored is None
-    factored = factored or factorise(problem, state)
-    return covariances_at(problem, state, factored, blocks=blocks, gains_of=gains_of, release=release)
+    factored = factor_of(adjusted)
+    release = factored is not adjusted.factored
+    return covariances_at(adjusted.problem, adjusted.state, factored, blocks=blocks, gains_of=gains_of, release=release)
 
 
 def covariances_at(

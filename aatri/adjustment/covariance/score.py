@@ -24,13 +24,12 @@ from functools import partial
 import numpy as np
 from scipy.sparse import csr_array, hstack
 
-from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
 from aatri.adjustment.elimination.effects import Effects, WhitenedEffects, reduced_effects, whitened_effects
 from aatri.adjustment.elimination.right_hand_sides import sides_of, without_blocks
 from aatri.adjustment.elimination.unit_products import unit_products
 from aatri.adjustment.records import Records, whitened
-from aatri.adjustment.stepping.adjusted import Adjusted
+from aatri.adjustment.stepping.adjusted import Adjusted, factor_of
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.threads import one_blas_thread, run_all
 from aatri.arrays import Float, Int
@@ -101,7 +100,7 @@ class Score:
 
 def with_factor(adjusted: Adjusted) -> Adjusted:
     """The same with the factor of its normal equations, for several scores."""
-    return replace(adjusted, factored=adjusted.factored or factorise_constrained(adjusted.problem, adjusted.state))
+    return replace(adjusted, factored=factor_of(adjusted))
 
 
 def score(

@@ -71,6 +71,11 @@ class Factor:
         if self.panels is not None:
             self.panels.clear()
 
+    @property
+    def is_cleared(self) -> bool:
+        """Whether its room has been given back."""
+        return self.panels is not None and not len(self.panels)
+
 
 @dataclass
 class Factored:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
+from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.notes import Note
@@ -48,3 +49,11 @@ class Adjusted:
     def has_factor(self) -> bool:
         """Whether covariances can be asked for: the problem was solved by its factor."""
         return self.problem.iterative is None
+
+
+def factor_of(adjusted: Adjusted) -> Factored:
+    """The factorised linearisation at the solution: the one that is kept, or made again."""
+    kept = adjusted.factored
+    if kept is not None and not kept.factor.is_cleared:
+        return kept
+    return factorise_constrained(adjusted.problem, adjusted.state)

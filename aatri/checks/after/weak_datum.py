@@ -9,9 +9,9 @@ free datum without control and positions the standard deviations say where it re
 
 import numpy as np
 
-from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.openness.nearly_open import least_certain
 from aatri.adjustment.statistics.limits import WEAK_DATUM
+from aatri.adjustment.stepping.adjusted import factor_of
 from aatri.checks.finding import Finding
 from aatri.checks.limits import WEAK_SHARE
 from aatri.observations.control import KIND as CONTROL
@@ -45,8 +45,7 @@ def weak_datum(inputs: BundleInput, result: BundleResult, scale: float = 1.0) ->
     most = float(np.quantile(sigmas, WEAK_SHARE)) if len(sigmas) else 0.0
     if not np.isfinite(on_ground) or most <= WEAK_DATUM * on_ground:
         return []
-    factored = adjusted.factored or factorise_constrained(adjusted.problem, adjusted.state)
-    what = least_certain(adjusted.problem, factored, adjusted.state)
+    what = least_certain(adjusted.problem, factor_of(adjusted), adjusted.state)
     text = (
         f"hardly determined: {what}; one point in twenty has a standard deviation above {about(most)}, "
         f"{most / on_ground:.0f} times what an image point measures"

@@ -112,7 +112,7 @@ def adjust_bundle(
         text = _WITHOUT_FACTOR.format(needed.memory_bytes(spill=True) / 1e9, needed.factor_bytes / 1e9)
         notes.append(Note("warning", text))
         covariances = False
-    if covariances and settings.keep_factor and not in_parts:
+    if covariances and not in_parts and (settings.keep_factor or (settings.keep_file and adjusted.problem.spill)):
         adjusted = with_factor(adjusted)
     return _result(inputs, adjusted, part, covariances, free, tuple(notes))
 

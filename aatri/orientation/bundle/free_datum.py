@@ -25,13 +25,12 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm, qr
 
-from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.covariance.s_transformation import STransformation, s_transformation
 from aatri.adjustment.elimination.backsolve import cost_of
 from aatri.adjustment.openness.nearly_open import least_certain
 from aatri.adjustment.openness.unseen_motions import unseen_combinations
 from aatri.adjustment.records import Records
-from aatri.adjustment.stepping.adjusted import Adjusted
+from aatri.adjustment.stepping.adjusted import Adjusted, factor_of
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
@@ -152,8 +151,7 @@ def onto_inner_constraints(
 def _run_away(adjusted: Adjusted, error: ConvergenceError) -> ConvergenceError:
     """Why a block that something ties to the ground has run away: what control hardly tells, if that is known."""
     try:
-        factored = adjusted.factored or factorise_constrained(adjusted.problem, adjusted.state)
-        weakest = least_certain(adjusted.problem, factored, adjusted.state)
+        weakest = least_certain(adjusted.problem, factor_of(adjusted), adjusted.state)
     except GeometryError:  # what has failed may have no factor either
         return error
     return ConvergenceError(

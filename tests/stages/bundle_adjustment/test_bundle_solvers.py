@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from aatri.adjustment.elimination.panels import PanelsInFile
 from aatri.adjustment.parts import adjust
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
@@ -93,6 +96,34 @@ def test_a_factor_in_a_file_changes_nothing(chain: Chain, reference: Solution) -
         (found.images.covariance, reference.images.covariance),
     ):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.nanmax(np.abs(other)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wrong", [0, 4], ids=["clean", "gross errors"])
+def test_a_search_with_the_factor_in_a_file_gives_the_same_and_keeps_one_file(
+    wrong: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    block = simulated(
+        5, preset="uav", flight={"strips": 4, "images_per_strip": 6}, gross_errors={"image_points": wrong}
+    )
+    made, open_files = run_chain(block), list[weakref.ref[PanelsInFile]]()
+
+    def opened(self: PanelsInFile, shapes: object, once: Any = PanelsInFile.__init__) -> None:
+        once(self, shapes)
+        open_files[:] = [ref for ref in open_files if (panels := ref()) is not None and len(panels)]
+        open_files.append(weakref.ref(self))
+        assert len(open_files) <= 2  # the one that is made, and what a step with damping is made from
+
+    monkeypatch.setattr(PanelsInFile, "__init__", opened)
+    in_memory, in_file = (
+        bundle(made.block, made.refined, made.strip_block, options=BundleOptions(**options))  # type: ignore[arg-type]
+        for options in ({}, {"solver": "direct", "memory_gb": 1e-3})
+    )
+    assert open_files
+    assert np.array_equal(in_file.residuals.active, in_memory.residuals.active)
+    assert (~in_file.residuals.active).any() == bool(wrong)
+    np.testing.assert_allclose(in_file.points.xyz_m, in_memory.points.xyz_m, atol=1e-9)
+    np.testing.assert_allclose(in_file.points.covariance_m2, in_memory.points.covariance_m2, rtol=1e-7)
 
 
 @pytest.mark.slow
