@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from aatri.adapters.bundle.bundle_input import with_parameters
 from aatri.adapters.bundle.candidate_groups import candidate_groups
 from aatri.adapters.exchanged_at_start import without_exchanged
-from aatri.adjustment.elimination.factor import Factor
 from aatri.adjustment.settings import SolverSettings
 from aatri.artifacts.solution import VarianceComponents
 from aatri.checks.after.rank_defect import rank_advice
@@ -127,14 +126,14 @@ def _searched(
 
 def _with_one_file(adjust: Callable[..., BundleResult]) -> Callable[..., BundleResult]:
     """An adjustment before which the factor that the last result has kept in a file gives back its room."""
-    kept: list[Factor] = []
+    give_back: list[Callable[[], None]] = []
 
     def once(block: BundleInput, adjusting: AdjustOptions = AdjustOptions()) -> BundleResult:
-        while kept:
-            kept.pop().clear()
+        while give_back:
+            give_back.pop()()
         result = adjust(block, adjusting)
         if result.adjusted.factored is not None and result.adjusted.problem.spill:
-            kept.append(result.adjusted.factored.factor)
+            give_back.append(result.adjusted.factored.factor.clear)
         return result
 
     return once

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adjustment.covariance import marginal
 from aatri.adjustment.covariance import solve as solving
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.solve import solve
 from aatri.adjustment.elimination.reduced import reduced_normals
 from aatri.adjustment.records import Records
+from aatri.adjustment.stepping import adjusted
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.structure.indexed_problem import counts
@@ -100,7 +100,7 @@ def test_solution_covariances_and_tests_of_one_factor_equal_dense_algebra(monkey
     count = []
     whole = solving.factorise_constrained
     monkeypatch.setattr(solving, "factorise_constrained", lambda *a: count.append(1) or whole(*a))
-    monkeypatch.setattr(marginal, "factorise", lambda *a: pytest.fail("factorised again"))
+    monkeypatch.setattr(adjusted, "factorise_constrained", lambda *a: pytest.fail("factorised again"))
     solved = solve(index, start, {"tie": Weights(off)})
     used = (replace(records[0], active=off), records[1])
     dx, v, H = _dense(unknowns, used, start)
@@ -185,7 +185,7 @@ def test_a_linear_problem_is_factorised_once_by_the_iteration_too(monkeypatch: p
     result = adjust_large(unknowns, records, start)
     assert len(result.history) == 1
     expected = marginal_covariances(replace(result, factored=None))
-    monkeypatch.setattr(marginal, "factorise", lambda *a: pytest.fail("factorised again"))
+    monkeypatch.setattr(adjusted, "factorise_constrained", lambda *a: pytest.fail("factorised again"))
     found = marginal_covariances(result)
     for group in start:
         np.testing.assert_allclose(found.groups[group], expected.groups[group], rtol=1e-10)

@@ -131,7 +131,7 @@ def test_a_block_that_cannot_say_what_is_weak_keeps_the_error_of_its_datum(monke
     def no_factor(*_: object) -> None:
         raise GeometryError("constraints that depend on each other", remedy="leave one out")
 
-    monkeypatch.setattr(free_datum, "factorise_constrained", no_factor)
+    monkeypatch.setattr(free_datum, "factor_of", no_factor)
     error = ConvergenceError("the block has run away", remedy="start from better values")
     assert (
         free_datum._run_away(cast("Adjusted", SimpleNamespace(factored=None, problem=None, state={})), error) is error
