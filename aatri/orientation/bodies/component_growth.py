@@ -20,6 +20,7 @@ from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
+from aatri.adjustment.threads import WORTH_A_THREAD, in_threads
 from aatri.arrays import Bool, Float, Int, sums_of
 from aatri.geometry.similarity import IDENTITY, ITERATIONS, Similarity, compose
 from aatri.orientation.bodies.kernels.robust_similarity import robust_similarities
@@ -226,7 +227,12 @@ def _robust(pairs: Sequence[_Common]) -> tuple[list[Similarity], list[Float]]:
     n, distance = len(pairs), np.empty(start[-1])
     shift, scale, rotation = np.empty((n, 3)), np.empty(n), np.empty((n, 3, 3))
     source, target = np.concatenate([c.source for c in pairs]), np.concatenate([c.target for c in pairs])
-    robust_similarities(start, source, target, ITERATIONS, shift, scale, rotation, distance)
+
+    def of(a: int, b: int) -> None:
+        own = shift[a:b], scale[a:b], rotation[a:b]
+        robust_similarities(start[a : b + 1], source, target, ITERATIONS, *own, distance)
+
+    in_threads(n, of, worth=max(1, n * WORTH_A_THREAD // (ITERATIONS * int(start[-1]))))
     similarities = [Similarity(shift[k], float(scale[k]), rotation[k]) for k in range(n)]
     return similarities, np.split(distance, start[1:-1])
 
