@@ -17,6 +17,7 @@ deep a field is to be is a choice (the simulated field has 0.18 of its length).
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import Field
 from scipy.spatial import Delaunay
 from scipy.special import chdtri
 
@@ -26,6 +27,7 @@ from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures
 from aatri.errors import InputError
 from aatri.ids import several
+from aatri.options import Options
 
 CELLS = 3
 
@@ -35,13 +37,12 @@ INSIDE = 0.9
 SIGHTS = ("direction", "angle", "zenith", "azimuth")
 
 
-@dataclass(frozen=True)
-class FieldRequirements:
-    """Least number of targets and pillars, least depth as a share of the longest axis."""
+class FieldOptions(Options):
+    """What a test field is to have."""
 
-    targets: int
-    pillars: int
-    depth: float
+    targets: int = Field(30, ge=4, description="least number of targets known in three coordinates")
+    pillars: int = Field(2, ge=0, description="least number of pillars")
+    depth: float = Field(0.15, gt=0, lt=1, description="least extent along the shortest axis, of the longest")
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class _Layout:
         return int((self.cells == 0).sum())
 
 
-def layout_of_field(block: Block, position_m: Float, rules: FieldRequirements) -> tuple[Evaluation, list[str]]:
+def layout_of_field(block: Block, position_m: Float, rules: FieldOptions) -> tuple[Evaluation, list[str]]:
     """Figures of a field, and the rules that it breaks, in words.
 
     Parameters
@@ -132,7 +133,7 @@ def _layout(block: Block, X: Float, cameras: Float) -> _Layout:
     return _Layout(len(X), extent, cells, len(pillars), len(cameras), inside, nearest)
 
 
-def _broken_rules(layout: _Layout, rules: FieldRequirements) -> list[str]:
+def _broken_rules(layout: _Layout, rules: FieldOptions) -> list[str]:
     n, count, crowding, chance = (
         layout.targets,
         layout.cells,

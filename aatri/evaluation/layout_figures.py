@@ -1,8 +1,9 @@
 """Figures of a layout from its planned adjustment: sigma of points, criterion, reliability, the next control points."""
 
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from aatri.adjustment.threads import one_blas_thread
 from aatri.arrays import Float, Text
@@ -14,28 +15,32 @@ from aatri.evaluation.design import Aim, Gain, criterion_eigenvalue, gains, next
 from aatri.evaluation.epoch_points import solved_points
 from aatri.evaluation.epochs import EpochPoints
 from aatri.ids import printable, rows_of
+from aatri.options import Options
 
 MOST_POINTS = 1500
 """Of the criterion: its matrices have 8 (3 n)^2 bytes, 160 MB at 1,500."""
 
 
-@dataclass(frozen=True)
-class Goal:
+Sigma = Annotated[float, Field(gt=0)]
+Sigmas = tuple[Sigma, Sigma, Sigma]
+
+
+class CriteriaOptions(Options):
     """What a layout is meant to reach."""
 
-    sigma_m: Float | None
-    """(3,), m. Standard deviations of X, Y, Z asked of every point; the medians of the block itself where not stated.
-    """
-    distance_m: float | None
-    """At which what errors share has fallen to 1 / e; half the extent of the block where not stated."""
-    control_sigma_m: Float
-    """(3,), m. Standard deviations of one more control point."""
-    aim: Aim
-    next_points: int
-    """How many control points are chosen one beside the other."""
+    sigma_m: Sigmas | None = Field(
+        None,
+        description="standard deviations of X, Y, Z asked of every point, m; null: the medians of the block itself",
+    )
+    distance_m: float | None = Field(
+        None, gt=0, description="over which errors may be alike, m; null: half the extent of the block"
+    )
+    control_sigma_m: Sigmas = Field((0.02, 0.02, 0.02), description="of one more control point, m; .inf: not measured")
+    aim: Aim = Field("mean", description="what one more control point is to make small")
+    next_points: int = Field(3, ge=0, le=20, description="control points chosen one beside the other")
 
 
-def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:
+def judged_layout(block: Block, solution: Solution, goal: CriteriaOptions) -> Evaluation:
     """Criteria of a layout.
 
     Parameters
@@ -60,15 +65,15 @@ def judged_layout(block: Block, solution: Solution, goal: Goal) -> Evaluation:
         )
     points = points.take(rows)
     C, variance = points.covariance_m2, np.einsum("nini->ni", points.covariance_m2)
-    sigma_m = np.sqrt(np.median(variance, axis=0)) if goal.sigma_m is None else goal.sigma_m
+    sigma_m = np.sqrt(np.median(variance, axis=0)) if goal.sigma_m is None else np.array(goal.sigma_m)
     distance_m = max(float(np.ptp(points.xyz_m, axis=0).max()) / 2, 1.0) if goal.distance_m is None else goal.distance_m
     ground = block.ground_points
     full_control = block.points.id[ground.point[(ground.role == CONTROL).all(axis=1)]]
     candidates = np.flatnonzero(~np.isin(points.id, full_control))
     with one_blas_thread():  # the same bits whatever the threads
         eigenvalue, function = criterion_eigenvalue(points.xyz_m, C, sigma_m, distance_m)
-        chosen = next_control(C, sigma_m, goal.control_sigma_m, candidates, goal.next_points, goal.aim)
-        single_gains = gains(C, sigma_m, goal.control_sigma_m, candidates)
+        chosen = next_control(C, sigma_m, np.array(goal.control_sigma_m), candidates, goal.next_points, goal.aim)
+        single_gains = gains(C, sigma_m, np.array(goal.control_sigma_m), candidates)
     largest = np.sqrt(np.linalg.eigvalsh(C[np.arange(len(rows)), :, np.arange(len(rows))])[:, -1])
     figures = {
         "images": float(solution.images.oriented.sum()),

@@ -11,16 +11,8 @@ Source: lecture notes on close range, 5.4 (A1508); see aatri/evaluation/field_la
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
-from aatri.evaluation.field_layout import FieldRequirements, layout_of_field
-from aatri.plugin import SILENT, Context, Field, Options, stage
-
-
-class FieldOptions(Options):
-    """Options of the check of a test field."""
-
-    targets: int = Field(30, ge=4, description="least number of targets known in three coordinates")
-    pillars: int = Field(2, ge=0, description="least number of pillars")
-    depth: float = Field(0.15, gt=0, lt=1, description="least extent along the shortest axis, of the longest")
+from aatri.evaluation.field_layout import FieldOptions, layout_of_field
+from aatri.plugin import SILENT, Context, stage
 
 
 @stage(version=1, uses=("ground_points:check",))
@@ -43,8 +35,7 @@ def field_layout(
         position_m[block.true_images.image] = block.true_images.position_m
     if solution is not None:
         position_m = solution.images.position_m
-    rules = FieldRequirements(options.targets, options.pillars, options.depth)
-    result, broken = layout_of_field(block, position_m, rules)
+    result, broken = layout_of_field(block, position_m, options)
     context.log(result.verdict)
     for text in broken:
         context.warn(f"test field: {text}")

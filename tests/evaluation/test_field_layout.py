@@ -11,8 +11,8 @@ from aatri.arrays import Float
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
-from aatri.evaluation.field_layout import _crowding
-from aatri.stages.accuracy.field_layout import FieldOptions, field_layout
+from aatri.evaluation.field_layout import FieldOptions, _crowding
+from aatri.stages.accuracy.field_layout import field_layout
 from tests.stages.film_blocks import Told
 
 

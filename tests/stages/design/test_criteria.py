@@ -10,9 +10,10 @@ import pytest
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.solution import Solution
 from aatri.errors import InputError
+from aatri.evaluation.layout_figures import CriteriaOptions
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
-from aatri.stages.design.criteria import CriteriaOptions, criteria
+from aatri.stages.design.criteria import criteria
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
 
