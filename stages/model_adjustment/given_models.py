@@ -13,7 +13,7 @@ Source: Ackermann, Ebner & Klein 1970; Kraus, Photogrammetry; lecture notes A503
 """
 
 from aatri.adapters.strips.given_models import adjusted_given_models
-from aatri.adapters.strips.model_adjustment import ModelSettings
+from aatri.adapters.strips.model_adjustment import ModelAdjustmentOptions
 from aatri.artifacts.block import Block
 from aatri.artifacts.needed_datum import datum_needed
 from aatri.artifacts.solution import Solution
@@ -22,8 +22,6 @@ from aatri.checks.after.model_units import models_of_another_unit
 from aatri.checks.finding import report
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.plugin import SILENT, Context, stage
-
-from ._options import ModelAdjustmentOptions
 
 
 @stage(
@@ -38,15 +36,12 @@ def given_models(
     context: Context = SILENT,
 ) -> Solution:
     """Adjust models given by coordinates."""
-    settings = ModelSettings(
-        None, options.iteration == "plan_height", options.limit, options.max_sigma0, options.reliability
-    )
     try:
-        solution, notes = adjusted_given_models(block, settings)
+        solution, notes = adjusted_given_models(block, options)
     except (ConvergenceError, GeometryError) as failure:
-        for finding in mirrored_models(block, settings, None):
+        for finding in mirrored_models(block, options, None):
             raise GeometryError(finding.what, remedy=finding.remedy) from failure
         raise
-    mirrored = mirrored_models(block, settings, solution)
+    mirrored = mirrored_models(block, options, solution)
     report([*notes, *mirrored, *models_of_another_unit(block, solution)], context)
     return solution

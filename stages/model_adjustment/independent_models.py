@@ -26,7 +26,7 @@ from pydantic import PositiveFloat, field_validator, model_validator
 
 from aatri.adapters.frame.adjustment_frame import in_tangent_frame
 from aatri.adapters.solution import check_same_block
-from aatri.adapters.strips.model_adjustment import ModelSettings, adjusted_models
+from aatri.adapters.strips.model_adjustment import ModelAdjustmentOptions, adjusted_models
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
@@ -34,8 +34,6 @@ from aatri.artifacts.solution import Solution
 from aatri.checks.after.of_stage import findings_of
 from aatri.checks.finding import report
 from aatri.plugin import SILENT, Context, Field, Options, stage
-
-from ._options import ModelAdjustmentOptions
 
 
 class Centres(Options):
@@ -94,15 +92,8 @@ def independent_models(
     check_same_block(block, image_points=image_points, models=models, initial=initial)
     sigma = options.centres.sigma
     sigma_m = None if sigma == "from_orientation" else float(sigma)
-    settings = ModelSettings(
-        sigma_m,
-        options.iteration == "plan_height",
-        options.limit,
-        options.max_sigma0,
-        options.reliability,
-        options.unit == "double_model",
-    )
-    inside = in_tangent_frame(block, initial)
-    solution, notes = adjusted_models(inside.block, image_points, models, inside.initial or initial, settings)
+    inside, double = in_tangent_frame(block, initial), options.unit == "double_model"
+    start = inside.initial or initial
+    solution, notes = adjusted_models(inside.block, image_points, models, start, options, sigma_m, double)
     report([*notes, *findings_of(inside.block, solution, "model_adjustment", initial.suspects)], context)
     return inside.back(solution)

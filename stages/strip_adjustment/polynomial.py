@@ -19,13 +19,14 @@ Photogrammetry.
 
 from typing import Literal
 
+from aatri.adapters.strips.strip_degrees import StripBlockOptions
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
 from aatri.plugin import SILENT, Context, Field, stage
 
-from ._strip_block import StripBlockOptions, strip_block
+from ._strip_block import strip_block
 
 
 class PolynomialOptions(StripBlockOptions):

@@ -8,7 +8,7 @@ import numpy as np
 
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips import tied_tables as tables
-from aatri.adapters.strips.model_adjustment import ModelSettings
+from aatri.adapters.strips.model_adjustment import ModelAdjustmentOptions
 from aatri.adapters.strips.models_on_ground import models_on_ground
 from aatri.adjusting.tied_adjustment import TiedResult
 from aatri.adjusting.tied_problem import tied_problem
@@ -33,7 +33,7 @@ from aatri.orientation.bodies.similarity_ties import similarities_of
 
 
 def adjusted_given_models(
-    block: Block, settings: ModelSettings, *, exchanged: bool = True
+    block: Block, options: ModelAdjustmentOptions, *, exchanged: bool = True
 ) -> tuple[Solution, list[Note]]:
     """Adjust the models that a block gives by coordinates.
 
@@ -73,10 +73,10 @@ def adjusted_given_models(
     places = {POINT: ties.places(begin, len(ids))}
     problem = tied_problem(observed, places, {POINT: ids}, "models given by coordinates")
     began = np.ones(sum(map(len, problem.observed)), dtype=bool)
-    tied, rounds = adjust_models(problem, limit=settings.limit, active=began, plan_height=settings.plan_height)
+    tied, rounds = adjust_models(problem, limit=options.limit, active=began, plan_height=options.plan_height)
     fit = pooled_test(np.array([tied.sigma0]), np.array([tied.redundancy]))
     size = [np.ptp(begin.similarity.scale[k] * x[place[model] == k], axis=0) for k in range(len(chosen))]
-    misfit = Misfit(settings.max_sigma0, float(np.median(np.linalg.norm(size, axis=1))))
+    misfit = Misfit(options.max_sigma0, float(np.median(np.linalg.norm(size, axis=1))))
     notes += misfit.notes(fit.sigma0, 1.0, rms_m(tied.residuals, tied.active), "models", "")
     text = f"{several(len(chosen), 'model')}; they disagree by {tied.tau_m:.3g} m beyond their standard deviations"
     notes += [
@@ -86,11 +86,11 @@ def adjusted_given_models(
     ]
     if rounds:
         notes.append(Note("note", f"plan and height in turn: {several(rounds, 'round')}"))
-    return _solution(block, tied, names[chosen], centre[chosen], origin, rounds, settings), notes
+    return _solution(block, tied, names[chosen], centre[chosen], origin, rounds, options.reliability), notes
 
 
 def _solution(
-    block: Block, tied: TiedResult, names: Text, centre: Float, origin: Float, rounds: int, settings: ModelSettings
+    block: Block, tied: TiedResult, names: Text, centre: Float, origin: Float, rounds: int, tests: bool
 ) -> Solution:
     began = np.ones(sum(map(len, tied.problem.observed)), dtype=bool)
     similarity = tied.state[BODY].similarity
@@ -112,7 +112,7 @@ def _solution(
         transformations=transformations,
         point_covariance_m2=np.where(np.isfinite(point_m)[:, :, None], tied.covariances[POINT], np.nan),
         rounds=rounds,
-        tests=settings.tests,
+        tests=tests,
     )
 
 

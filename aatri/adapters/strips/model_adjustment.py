@@ -1,8 +1,9 @@
 """Block adjustment with independent models: Models and initial orientations to bodies, these to a Solution."""
 
-from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips import tied_tables as tables
@@ -19,26 +20,43 @@ from aatri.observations.control import KIND as CONTROL
 from aatri.observations.poses import POINT
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY, MODEL_TIE
+from aatri.options import Options
 from aatri.orientation.bodies.deformation import Misfit, farthest_bodies, rms_m, search_notes
 from aatri.orientation.bodies.independent_models import adjust_models
 
 
-@dataclass(frozen=True)
-class ModelSettings:
-    """How models are adjusted; see the options of the stage. `centre_sigma_m` None: from the relative orientations."""
+class ModelAdjustmentOptions(Options):
+    """Options of an adjustment of models."""
 
-    centre_sigma_m: float | None
-    plan_height: bool
-    limit: float | None
-    max_sigma0: float | None
-    tests: bool = False
-    double: bool = False
+    iteration: Literal["together", "plan_height"] = Field(
+        "together", description="all seven parameters together, or plan (4) and height (3) in turn"
+    )
+    limit: float | None = Field(
+        None, gt=0, description="test statistic of a wrong tie or control point, in sigma; null: by the number of tests"
+    )
+    max_sigma0: float | None = Field(
+        None, gt=0, description="an error where sigma0 is larger; null: a warning beyond 20"
+    )
+    reliability: bool = Field(
+        False, description="redundancy numbers, test statistics and detectable errors of all observations"
+    )
+
+    @property
+    def plan_height(self) -> bool:
+        """Plan and height are adjusted in turn."""
+        return self.iteration == "plan_height"
 
 
 def adjusted_models(
-    block: Block, image_points: ImagePoints, models: Models, initial: Solution, settings: ModelSettings
+    block: Block,
+    image_points: ImagePoints,
+    models: Models,
+    initial: Solution,
+    options: ModelAdjustmentOptions,
+    centre_sigma_m: float | None,
+    double: bool,
 ) -> tuple[Solution, list[Note]]:
-    """Adjust the models that `initial` orients.
+    """Adjust the models that `initial` orients, or double ones; `centre_sigma_m` None: from the relative orientations.
 
     Raises
     ------
@@ -47,18 +65,18 @@ def adjusted_models(
     ConvergenceError
         If the result does not fit.
     """
-    bodies, notes = bodies_of(block, models, initial, settings.centre_sigma_m, double=settings.double)
+    bodies, notes = bodies_of(block, models, initial, centre_sigma_m, double=double)
     problem, names = bodies.problem(block), bodies.names
     before = {MODEL_TIE: models.suspects, CONTROL: initial.suspects, POSITION: initial.suspects}
     began = tables.not_rejected(problem.observed, before)
-    tied, rounds = adjust_models(problem, limit=settings.limit, active=began, plan_height=settings.plan_height)
+    tied, rounds = adjust_models(problem, limit=options.limit, active=began, plan_height=options.plan_height)
     fit = pooled_test(np.array([tied.sigma0]), np.array([tied.redundancy]))
     distance_m = pieces.distance_m(initial.images.position_m, initial.points.xyz_m)
     worst = farthest_bodies(tied, np.char.add("model ", names))
-    misfit = Misfit(settings.max_sigma0, distance_m, oriented=True, farthest=worst)
+    misfit = Misfit(options.max_sigma0, distance_m, oriented=True, farthest=worst)
     notes += misfit.notes(fit.sigma0, 1.0, rms_m(tied.residuals, tied.active), "independent models", "")
     per_model = np.bincount(bodies.points.model, minlength=len(names))
-    what, centres = ("double model", "three") if settings.double else ("model", "two")
+    what, centres = ("double model", "three") if double else ("model", "two")
     counts = (
         f"{several(len(names), what)} of {per_model.min()} to {per_model.max()} points (mean {per_model.mean():.1f})"
     )
@@ -89,6 +107,6 @@ def adjusted_models(
         transformations=transformations,
         point_covariance_m2=covariance_m2,
         rounds=rounds,
-        tests=settings.tests,
+        tests=options.reliability,
     )
     return solution, [*notes, *resected]

@@ -1,6 +1,6 @@
 """Strip block adjustment: artifacts to strips on the ground, and adjusted strips to a Solution."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +9,7 @@ from aatri.adapters import solution as assemble
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips import strip_tables as tables
 from aatri.adapters.strips import tied_tables
-from aatri.adapters.strips.strip_degrees import degrees_of_strips
+from aatri.adapters.strips.strip_degrees import StripBlockOptions
 from aatri.adapters.strips.strip_tables import StripsOnGround, strip_notes
 from aatri.adjustment.statistics.limits import SINGLE_LIMIT
 from aatri.arrays import Bool, Float, Int, finite_rows
@@ -108,18 +108,9 @@ def _strip_similarity(x: Float, strip_from_image: Float, X: Float, ground_from_i
 
 
 def adjust_strips(
-    block: Block,
-    strips: Strips,
-    initial: Solution,
-    basis: StripBasis,
-    *,
-    degree: int,
-    degrees: Mapping[str, int],
-    degrees_requested: bool,
-    limit: float | None,
-    max_sigma0: float | None,
+    block: Block, strips: Strips, initial: Solution, basis: StripBasis, options: StripBlockOptions
 ) -> AdjustedStrips:
-    """Adjust the strips that `initial` orients; that a degree falls is a warning where it was `degrees_requested` for.
+    """Adjust the strips that `initial` orients.
 
     Raises
     ------
@@ -149,10 +140,10 @@ def adjust_strips(
             control,
             names=names,
             point_ids=block.points.id,
-            degree=degrees_of_strips(strips.strips.id, degree, degrees)[ground.strips],
+            degree=options.degrees_of(strips.strips.id)[ground.strips],
             basis=basis,
             begin=begin if undoubted is None else lambda observed: begin(observed) | undoubted,
-            limit=limit,
+            limit=options.limit,
             undoubted=undoubted,
             after=after,
         )
@@ -176,14 +167,16 @@ def adjust_strips(
     if len(left):
         text = "strips not oriented in `initial`, left out"
         notes.append(Note("warning", text, tuple(strips.strips.id[left].tolist())))
-    notes += fall_notes(result, names.tolist(), "warning" if degrees_requested else "note")
+    notes += fall_notes(result, names.tolist(), "warning" if options.degrees_requested else "note")
     notes += strip_notes(block, strips, ground, result, names)
 
     tied = result.tied
     text = f"standard deviation of the strips beyond that of their points: {tied.tau_m:.3f} m"
     notes += [Note("note", text), *search_notes(tied, tied_tables.names_of, "strip block")]
     distance_m = pieces.distance_m(initial.images.position_m - ground.origin, ground.points.xyz)
-    misfit = Misfit(max_sigma0, distance_m, oriented=True, farthest=farthest_bodies(tied, np.char.add("strip ", names)))
+    misfit = Misfit(
+        options.max_sigma0, distance_m, oriented=True, farthest=farthest_bodies(tied, np.char.add("strip ", names))
+    )
     notes += sigma0_notes(
         [tied],
         ["strip block"],

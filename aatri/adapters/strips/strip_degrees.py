@@ -1,44 +1,69 @@
-"""The highest degree of each strip's polynomial, as the user gives it: one for all, and others for single strips."""
+"""Options of the adjustment of strips: highest degrees, by free strips or by strips of the block, and limits."""
 
-from collections.abc import Mapping
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from aatri.arrays import Int, Text
 from aatri.errors import InputError
 from aatri.ids import shown
+from aatri.options import Options
 
 
-def highest_degree(degree: int, single: Mapping[str, int]) -> int:
-    """The highest of all strips."""
-    return max(degree, *single.values()) if single else degree
+class StripBlockOptions(Options):
+    """Options of a strip block adjustment."""
 
+    degree: int = Field(2, ge=0, le=3, description="highest degree; it falls where control and ties determine less")
+    degrees: dict[str, Annotated[int, Field(ge=0, le=3)]] = Field(
+        {}, description="highest degree of single strips, by their ids; the others have `degree`"
+    )
+    limit: float | None = Field(
+        None, gt=0, description="test statistic of a wrong tie or control point, in sigma; null: by the number of tests"
+    )
+    max_sigma0: float | None = Field(
+        None,
+        gt=0,
+        description="an error where strips deform by so many times what their length explains; null: a warning "
+        "beyond 20 times",
+    )
+    reliability: bool = Field(
+        False, description="redundancy numbers, test statistics and detectable errors of all observations"
+    )
 
-def degrees_of_strips(names: Text, degree: int, single: Mapping[str, int]) -> Int:
-    """Of every strip, (n_strips,).
+    @property
+    def degrees_requested(self) -> bool:
+        """A degree is stated: that it falls is a warning then."""
+        return bool({"degree", "degrees"} & self.model_fields_set)
 
-    Parameters
-    ----------
-    names : (n_strips,) str
-        Ids of free strips: those of the block, with .1 .2 ... where a strip is broken.
-    single : mapping
-        Degrees by the id of a free strip, or of a strip of the block for all its parts.
+    @property
+    def highest_degree(self) -> int:
+        """Of all strips."""
+        return max(self.degree, *self.degrees.values()) if self.degrees else self.degree
 
-    Raises
-    ------
-    InputError
-        If an id is that of no strip.
-    """
-    degrees = np.full(len(names), degree)
-    ids = [str(name) for name in names]
-    unsplit = [name.rpartition(".")[0] if name.rpartition(".")[2].isdigit() else name for name in ids]
-    for strip, value in single.items():
-        of_name = [k for k, name in enumerate(ids) if name == strip]
-        of_name = of_name or [k for k, name in enumerate(unsplit) if name == strip]
-        if not of_name:
-            raise InputError(
-                f"`degrees` names strip {strip}, which is not among the strips {shown(ids)}",
-                remedy="give ids of free strips, as the log of strip formation lists them",
-            )
-        degrees[of_name] = value
-    return degrees
+    def degrees_of(self, names: Text) -> Int:
+        """Highest degree of every strip, (n_strips,).
+
+        Parameters
+        ----------
+        names : (n_strips,) str
+            Ids of free strips: those of the block, with .1 .2 ... where a strip is broken.
+
+        Raises
+        ------
+        InputError
+            If an id is that of no strip.
+        """
+        degrees = np.full(len(names), self.degree)
+        ids = [str(name) for name in names]
+        unsplit = [name.rpartition(".")[0] if name.rpartition(".")[2].isdigit() else name for name in ids]
+        for strip, value in self.degrees.items():
+            of_name = [k for k, name in enumerate(ids) if name == strip]
+            of_name = of_name or [k for k, name in enumerate(unsplit) if name == strip]
+            if not of_name:
+                raise InputError(
+                    f"`degrees` names strip {strip}, which is not among the strips {shown(ids)}",
+                    remedy="give ids of free strips, as the log of strip formation lists them",
+                )
+            degrees[of_name] = value
+        return degrees

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters.strips.given_models import adjusted_given_models
-from aatri.adapters.strips.model_adjustment import ModelSettings
+from aatri.adapters.strips.model_adjustment import ModelAdjustmentOptions
 from aatri.adjustment.statistics.global_test import sigma0_interval
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
@@ -26,13 +26,13 @@ AXES = (0, 2)
 """X and Z are reversed on trial: any two differ by half a turn of the model, but only one leaves it upright."""
 
 
-def mirrored_models(block: Block, settings: ModelSettings, solution: Solution | None) -> list[Finding]:
+def mirrored_models(block: Block, options: ModelAdjustmentOptions, solution: Solution | None) -> list[Finding]:
     """A warning where the models fit with an axis of one of them reversed; `solution` is None where it failed."""
     before = np.inf if solution is None or not _fits(solution) else int(staying_out(solution.suspects).sum())
     coordinates = block.model_coordinates
     if before == 0 or coordinates is None or len(np.unique(coordinates.model)) > MOST_MIRRORED:
         return []
-    fitting = list(_fitting_mirrored(block, settings, before))
+    fitting = list(_fitting_mirrored(block, options, before))
     if not fitting:
         return []
     text, others = fitting[0], tuple(fitting[1:])
@@ -49,7 +49,7 @@ def mirrored_models(block: Block, settings: ModelSettings, solution: Solution | 
     ]
 
 
-def _fitting_mirrored(block: Block, settings: ModelSettings, before: float) -> Iterator[str]:
+def _fitting_mirrored(block: Block, options: ModelAdjustmentOptions, before: float) -> Iterator[str]:
     """Models and axes with which, reversed, the models fit and less than before is rejected."""
     coordinates = block.model_coordinates
     assert coordinates is not None
@@ -59,7 +59,7 @@ def _fitting_mirrored(block: Block, settings: ModelSettings, before: float) -> I
             xyz[coordinates.model == name, axis] *= -1.0
             try:
                 mirrored = replace(block, model_coordinates=replace(coordinates, xyz=xyz))
-                solution = adjusted_given_models(mirrored, settings, exchanged=False)[0]
+                solution = adjusted_given_models(mirrored, options, exchanged=False)[0]
             except (ConvergenceError, GeometryError):
                 continue
             complete = set(solution.transformations.id.tolist()) == set(coordinates.model.tolist())

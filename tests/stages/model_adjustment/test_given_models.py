@@ -9,11 +9,11 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from aatri.adapters.strips.model_adjustment import ModelAdjustmentOptions
 from aatri.arrays import Float
 from aatri.artifacts.solution import Solution
 from aatri.errors import GeometryError, InputError
 from aatri.stages.block.models import ModelsOptions, models
-from aatri.stages.model_adjustment._options import ModelAdjustmentOptions
 from aatri.stages.model_adjustment.given_models import given_models
 from tests.stages.film_blocks import Told
 

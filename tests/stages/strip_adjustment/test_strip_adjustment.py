@@ -10,7 +10,7 @@ import pytest
 
 from aatri.adapters.strips.oriented_strips import distance_m, most_models
 from aatri.adapters.strips.strip_adjustment import rays_of_ties
-from aatri.adapters.strips.strip_degrees import degrees_of_strips
+from aatri.adapters.strips.strip_degrees import StripBlockOptions
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ConvergenceError, GeometryError, InputError
 from aatri.geometry.rotations import log_rotation
@@ -85,8 +85,8 @@ def test_a_degree_for_a_strip_that_is_not_there_is_an_error_that_lists_the_strip
 
 def test_a_degree_of_a_strip_is_that_of_all_its_parts() -> None:
     names = np.array(["1.1", "1.2", "2"])
-    assert degrees_of_strips(names, 2, {"1": 1}).tolist() == [1, 1, 2]
-    assert degrees_of_strips(names, 2, {"1.2": 3, "2": 0}).tolist() == [2, 3, 0]
+    assert StripBlockOptions(degrees={"1": 1}).degrees_of(names).tolist() == [1, 1, 2]
+    assert StripBlockOptions(degrees={"1.2": 3, "2": 0}).degrees_of(names).tolist() == [2, 3, 0]
 
 
 def test_what_the_conformal_adjustment_rejects_is_a_warning() -> None:
