@@ -21,10 +21,10 @@ from aatri.artifacts.block import Block
 from aatri.checks.as_read.screening import FEW_POINTS, OUTSIDE, REJECTED_IMAGE, SEEN_ONCE
 from aatri.checks.limits import SAME_POINT_SIGMAS
 from aatri.formats.merging.merged import merged as merged_blocks
-from aatri.formats.merging.names import Kind, Renaming, renamed
+from aatri.formats.merging.names import Renaming, renamed
 from aatri.formats.merging.reconciliation import Conflicts, Duplicates
 from aatri.formats.merging.source import block_from
-from aatri.plugin import SILENT, Context, Field, InputPath, Options, stage
+from aatri.plugin import SILENT, Context, Field, InputPath, stage
 
 from ._as_read import ReadingOptions, as_read
 
@@ -32,15 +32,10 @@ OF_PARTS = frozenset({OUTSIDE, SEEN_ONCE, REJECTED_IMAGE, FEW_POINTS})
 """Reasons to set something aside that hold for a block as it stood alone."""
 
 
-class SingleBlockOptions(Options):
+class SingleBlockOptions(Renaming):
     """One block, and how its ids are to be read."""
 
     path: InputPath = Field(description="block folder, or the Block of another run (runs/NAME/current/block.h5)")
-    prefix: dict[Kind, str] = Field({}, description="set before its ids, by kind: `{images: e-, points: e-}`")
-    rename: dict[Kind, dict[str, str]] = Field(
-        {}, description="single ids by kind, before any prefix: `{points: {K1: 1001}}`"
-    )
-    common: list[str] = Field([], description="ids, with * and ?, that get no prefix: those that the others have too")
 
     @model_validator(mode="before")
     @classmethod
@@ -67,10 +62,7 @@ class MergedOptions(ReadingOptions):
 @stage(version=1, uses=())
 def merged(*, options: MergedOptions, context: Context = SILENT) -> Block:
     """Read blocks and merge them."""
-    blocks = [
-        renamed(block_from(part.path, context, OF_PARTS), Renaming(part.prefix, part.rename, part.common))
-        for part in options.blocks
-    ]
+    blocks = [renamed(block_from(part.path, context, OF_PARTS), part) for part in options.blocks]
     block = merged_blocks(
         blocks,
         [str(part.path) for part in options.blocks],

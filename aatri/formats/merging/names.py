@@ -1,17 +1,19 @@
 """Other ids for a block: a prefix before those of a kind, single ids replaced, some that stay whatever the prefix."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from aatri.arrays import Bool, Text
 from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.formats.merging.taken import in_canonical_order
 from aatri.ids import printable
+from aatri.options import Options
 
 Kind = Literal["images", "points", "cameras", "strips", "groups"]
 """Of ids; groups are flights, sessions, rigs, drift groups, sets of directions, models, groups of observations."""
@@ -29,23 +31,14 @@ GROUPS = {
 """Columns with ids of groups."""
 
 
-@dataclass(frozen=True)
-class Renaming:
-    """How the ids of a block change.
+class Renaming(Options):
+    """How the ids of a block change."""
 
-    Attributes
-    ----------
-    prefix : dict of kind to str
-        Set before all ids of the kind.
-    rename : dict of kind to dict of str to str
-        Single ids; they go before the prefix.
-    common : sequence of str
-        Ids, with * and ?, that no prefix is set before.
-    """
-
-    prefix: Mapping[Kind, str] = field(default_factory=dict)
-    rename: Mapping[Kind, Mapping[str, str]] = field(default_factory=dict)
-    common: Sequence[str] = ()
+    prefix: dict[Kind, str] = Field({}, description="set before its ids, by kind: `{images: e-, points: e-}`")
+    rename: dict[Kind, dict[str, str]] = Field(
+        {}, description="single ids by kind, before any prefix: `{points: {K1: 1001}}`"
+    )
+    common: list[str] = Field([], description="ids, with * and ?, that get no prefix: those that the others have too")
 
     def of(self, kind: Kind, ids: Text) -> Text:
         """Ids of a kind after it; an empty id stays empty."""
