@@ -167,12 +167,14 @@ class BundleOptions(AdjustmentOptions):
 def bundle_uses(options: BundleOptions) -> tuple[str, ...]:
     """What a bundle uses of the block, by its options."""
     units, components = units_named(options.self_calibration), options.variance_components
+    by_flight = options.positions.drift != "none" and options.positions.per == "flight"
+    in_groups = options.blunders.method != "robust"  # positions and attitudes of a flight may be off together
     return used(
         marked=options.datum_over == "marked",
         sessions="session" in units,
         levels=components.groups if components is not None else (),
         row_times=True,
-        flights="flight" in units or (options.positions.drift != "none" and options.positions.per == "flight"),
+        flights="flight" in units or by_flight or in_groups,
     )
 
 

@@ -8,8 +8,8 @@ Test: one point lies off if even the nearest of its images is farther than 5 tim
 position is far from all that its image shows, and says nothing of the control. It is an error if one of the usual
 changes brings it to where the others are, or if it is more than 100 km off, else a warning: objects at very different
 distances are legal.
-All of it lies off if a change brings the median of d below a tenth of itself and of the distance from the origin, or
-if it exceeds 100 km, which no image sees.
+All of it lies off if a change brings the median of d below a tenth of itself and of the distance from the origin, and
+d is beyond what both extend or the change is an exchange of X and Y; or if it exceeds 100 km, which no image sees.
 
 Cf. EPSG guidance note 7-1 on axis order; the rows 70 to 78 of common input errors.
 """
@@ -82,7 +82,7 @@ def misplaced_control(
     seen_from = position_m[np.unique(image), :2]
     extent = max(float(np.linalg.norm(np.ptp(xy, axis=0))) for xy in (xyz_m[rows, :2], seen_from))
     from_origin = float(np.linalg.norm(np.median(seen_from, axis=0)))
-    together = _all_of_it(xyz_m, distances_to_images, extent, from_origin, places[rows[0]])
+    together = _all_of_it(xyz_m, distances_to_images, extent, from_origin, [places[row] for row in rows])
     if together is not None:
         return [together]
     farthest = distances_to_images(xyz_m)
@@ -92,27 +92,29 @@ def misplaced_control(
 
 
 def _all_of_it(
-    xyz: Float, distance: Callable[[Float], Float], extent: float, from_origin: float, where: str
+    xyz: Float, distance: Callable[[Float], Float], extent: float, from_origin: float, places: Sequence[str]
 ) -> Finding | None:
     """What brings all control to the images, if they are apart by more than both extend.
 
-    A change proves something only far from the origin: there it moves points, near it it gathers them.
+    A change proves something only far from the origin: there it moves points, near it it gathers them. One that gathers
+    none brings several to their images only if it is so, however far the block extends.
     """
     middle = float(np.median(distance(xyz)))
     left = [float(np.median(distance(change.apply(xyz)))) for change in IN_PLAN]
     best, least = IN_PLAN[int(np.argmin(left))], min(left)
     text = f"the control points lie {length(middle)} from the images that show them"
-    apart = middle > max(FAR_CONTROL * extent, LEAST_FAR_M)
+    gathers_none = best.moves_near and len(places) > 1
+    apart = middle > max(0.0 if gathers_none else FAR_CONTROL * extent, LEAST_FAR_M)
     if apart and least < EXPLAINED_DISTANCE * min(middle, from_origin):
         text += f"; {best.text} they lie {length(least)} from them"
-        return Finding("control_place", "error", text, best.of_all, where=where)
+        return Finding("control_place", "error", text, best.of_all, where=places[0])
     if middle <= MOST_SEEN_M:
         return None
     remedy = "check zone, datum and false easting of control and positions"
     if least < EXPLAINED_DISTANCE * middle:
         text += f"; {best.text} they would lie {length(least)} from them"
         remedy = f"{best.of_all} if that is so; else {remedy}"
-    return Finding("control_place", "error", text, remedy, where=where)
+    return Finding("control_place", "error", text, remedy, where=places[0])
 
 
 def _single(

@@ -150,7 +150,7 @@ def _of_camera(
             text += f"; read as {reading[0]} they agree to {np.degrees(_scatter(reading[1], rotation, share)):.2g} deg"
             remedy = f"declare them as {reading[0]} (rotation, heading, mount, units in block.yaml), or convert them"
             return Finding("attitude_convention", level, text, remedy, where=place, statistic=scatter)
-        if share <= 0.5:  # more than half of them
+        if share <= 0.5 and not before:  # more than half of them; a start may be as wrong
             unread = Finding("attitude_convention", "warning", text, remedy, where=place, statistic=scatter)
     return unread
 

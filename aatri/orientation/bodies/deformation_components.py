@@ -96,7 +96,7 @@ def deformation_components(
     scale, added = 1.0 / np.sqrt(np.maximum(share, 1e-300)), np.where(z, 1.0, LOOSE)
     # To begin with each deformation explains its own misfit.
     members = np.maximum(np.bincount(component, minlength=n), 1)
-    theta: Float = np.bincount(component, (g / share)[z] ** 2, minlength=n) / members
+    theta: Float = np.bincount(component, (g * scale**2)[z] ** 2, minlength=n) / members
     phi, r, steps = max(squares / redundancy, least), np.zeros(n), [theta]
     deviance, clipped = np.inf, False
     for _ in range(ROUNDS):

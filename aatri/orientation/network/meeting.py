@@ -12,9 +12,8 @@ from aatri.arrays import Float
 SAME = 0.02
 """Candidates nearer to each other than this share of the distances are one."""
 
-CLEAR = 20.0
-"""A candidate is sure where it fits so many times better than any other."""
-
+CLEAR, LEAST_MISFIT = 20.0, 1e-6
+"""A candidate is sure where it fits so many times better than any other; sums of misfits below the second are equal."""
 
 MOST_LOCI = 12
 """Of so many a place is sure; rays and circles of distances come before those of angles."""
@@ -62,8 +61,11 @@ class Locus:
         return abs(_around(_bearing(away) - self.bearing_rad))
 
 
-def fitting_point(loci: list[Locus], sure: bool) -> Float | None:
-    """The meeting point of two of the loci that fits all of them best; None if there is none, or none clearly best."""
+def fitting_point(loci: list[Locus]) -> tuple[Float, float] | None:
+    """The meeting point of two of the loci that fits all of them best, and how many times better than any other place.
+
+    None where none of them meet.
+    """
     loci = sorted(loci, key=lambda locus: locus.seen is not None)[:MOST_LOCI]
     candidates = [x for a, b in itertools.combinations(loci, 2) for x in _meeting(a, b)]
     candidates = [x for x in candidates if np.isfinite(x).all() and not any(_at_mark(x, locus) for locus in loci)]
@@ -73,9 +75,7 @@ def fitting_point(loci: list[Locus], sure: bool) -> Float | None:
     best = candidates[int(np.argmin(size))]
     extent = max(float(np.linalg.norm(best - locus.centre)) for locus in loci)
     others = [s for x, s in zip(candidates, size) if np.linalg.norm(x - best) > SAME * extent]
-    if sure and others and min(others) < CLEAR * (min(size) + 1e-6):
-        return None
-    return best
+    return best, min(others, default=np.inf) / (min(size) + LEAST_MISFIT)
 
 
 def _at_mark(x: Float, locus: Locus) -> bool:

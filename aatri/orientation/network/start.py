@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.orientation.network.meeting import Locus, fitting_point
+from aatri.orientation.network.meeting import CLEAR, Locus, fitting_point
 
 MOST_ROUNDS = 1000
 
@@ -192,21 +192,18 @@ def _laid(own: Float, placed: Float, sized: bool) -> Float | None:
 
 
 def _grown(network: Network, xy: Float, doubtful: set[int]) -> Float:
-    """Points found from those that are known: all that are sure, else one that is not, again and again."""
+    """Points found from those that are known: all that are sure, else the one that is surest, again and again."""
     placed = xy.copy()
     for _ in range(MOST_ROUNDS):
-        loci = _loci(network, placed)
-        places = {point: fitting_point(own, True) for point, own in loci.items()}
-        sure = {point: place for point, place in places.items() if place is not None}
-        if not sure:
-            guesses = ((point, fitting_point(own, False)) for point, own in loci.items())
-            point, place = next(((p, x) for p, x in guesses if x is not None), (-1, None))
-            if place is None:
-                return placed
-            sure = {point: place}
-            doubtful.add(point)
-        for point, place in sure.items():
-            placed[point] = place
+        fits = {point: fit for point, loci in _loci(network, placed).items() if (fit := fitting_point(loci))}
+        if not fits:
+            return placed
+        surest = max(fits, key=lambda point: fits[point][1])
+        if fits[surest][1] < CLEAR:
+            doubtful.add(surest)
+        for point, (place, clearness) in fits.items():
+            if clearness >= CLEAR or point == surest:
+                placed[point] = place
     return placed
 
 

@@ -135,6 +135,17 @@ def test_all_control_of_another_order_unit_or_zone(change, what: str, remedy: st
     assert remedy in found.remedy
 
 
+def test_all_control_of_a_corridor_in_the_other_order_is_named_however_long_it_is() -> None:
+    """Six kilometres of it, three to four from the images that show it."""
+    stations = np.column_stack([np.linspace(2000.0, 8000.0, 31), np.full(31, 9000.0)])
+    points = stations[[0, 10, 20, 25]] + [50.0, 80.0]
+    rays = _rays(points, stations, 300.0)
+    assert _found(points, stations, rays, IDS[:4]) == []
+    (found,) = _found(points[:, ::-1], stations, rays, IDS[:4])
+    assert found.level == "error"
+    assert "with X and Y exchanged" in found.sentence
+
+
 def test_objects_seen_from_afar_are_legal() -> None:
     # three stations at the origin of a local system, targets in one direction, near and far
     stations = np.array([[0.0, 0.0], [0.6, 0.1], [1.1, -0.2]])

@@ -101,7 +101,9 @@ def test_what_is_as_declared_is_not_named() -> None:
     assert not _told(made(1, 1000.0, gross_errors={"geodetic": 6, "size_sigmas": (50.0, 500.0)}, **SURVEY))
 
 
-def _of_attitudes(true_deg: np.ndarray, observed_deg: np.ndarray, sigma_deg: tuple[float, ...]) -> list[Finding]:
+def _of_attitudes(
+    true_deg: np.ndarray, observed_deg: np.ndarray, sigma_deg: tuple[float, ...], *, before: bool = True
+) -> list[Finding]:
     """Findings of images of these omega, phi, kappa, of which others were observed."""
     n = len(true_deg)
     exterior = SimpleNamespace(
@@ -123,7 +125,7 @@ def _of_attitudes(true_deg: np.ndarray, observed_deg: np.ndarray, sigma_deg: tup
     inputs: Any = SimpleNamespace(
         observed=[SimpleNamespace(kind="attitude", exact=False, row=np.arange(n), records=records, unknowns=())]
     )
-    return attitude_conventions(ObservationSource(block, None, np.zeros(3), state), inputs, state, before=True)
+    return attitude_conventions(ObservationSource(block, None, np.zeros(3), state), inputs, state, before=before)
 
 
 def _near_vertical(n: int, heading_deg: float, tilt_deg: float) -> tuple[np.ndarray, np.random.Generator]:
@@ -135,9 +137,18 @@ def test_poor_headings_of_images_all_turned_alike_are_in_no_other_unit() -> None
     """Thousandths of any angles are no turn at all: they agree with such images as well as no attitudes would."""
     true, rng = _near_vertical(30, 35.0, 0.3)
     observed = true + rng.normal(size=(30, 3)) * [0.01, 0.01, 4.0]
-    (warning,) = _of_attitudes(true, observed, (0.01, 0.01, 0.01))
+    (warning,) = _of_attitudes(true, observed, (0.01, 0.01, 0.01), before=False)
     assert (warning.level, "read as" in str(warning)) == ("warning", False)
     assert not _of_attitudes(true, observed, (0.01, 0.01, 4.0))
+
+
+def test_what_no_reading_explains_is_held_against_adjusted_orientations_alone() -> None:
+    """A start of weak strips is off by degrees itself."""
+    true, rng = _near_vertical(30, 35.0, 3.0)
+    observed = true + rng.normal(size=(30, 3)) * 1.5
+    (warning,) = _of_attitudes(true, observed, (0.01, 0.01, 0.01), before=False)
+    assert "beyond any common offset" in warning.sentence
+    assert not _of_attitudes(true, observed, (0.01, 0.01, 0.01))
 
 
 def test_a_convention_shows_on_images_all_turned_alike_whatever_their_headings_are_worth() -> None:

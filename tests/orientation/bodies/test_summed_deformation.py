@@ -186,6 +186,10 @@ def test_nuisances_beside_deformations_are_what_their_elimination_leaves(monkeyp
     apart = deformation_components(
         csr_array(B.T @ B), B.T @ x, component[~nuisance], body[~nuisance], float(x @ x), 294, 0.0
     )
+    # A deformation that nothing shows is none.
+    unseen = [np.append(x, last) for x, last in ((A.T @ y, 0.0), (component, 0), (body, 0))]
+    beside = deformation_components(csr_array(np.pad(A.T @ A, (0, 1))), *unseen, float(y @ y), 300, 0.0)
+    np.testing.assert_allclose(beside.redundancy, together.redundancy, rtol=1e-3)
     # A third body that has nothing but a nuisance, as a strip whose deformations are taken up whole.
     N = np.pad(A.T @ A, (0, 1)) + np.diag(np.eye(31)[30])
     more = [np.append(x, last) for x, last in ((A.T @ y, 0.0), (component, -1), (body, 2))]

@@ -11,7 +11,7 @@ import pytest
 
 from aatri.pipeline.plan.unused import unused
 from aatri.stages.block.tables import TablesOptions, tables
-from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle, bundle_uses
 from aatri.stages.bundle_adjustment.intersection import IntersectionOptions, intersection
 from aatri.stages.image_refinement.systematic import SystematicOptions
 from aatri.stages.image_refinement.systematic import systematic as refinement
@@ -68,6 +68,12 @@ def test_times_that_are_equal_or_permuted_under_drift_are_told(
     told = [text for text in heard.warned if "drift group" in text]
     assert len(told) == bool(word)
     assert all(word in text and "g" in text for text in told)
+
+
+@pytest.mark.parametrize("method", ["robust_snooping", "none", "robust"])
+def test_flights_are_used_where_groups_are_tested(method: str) -> None:
+    uses = bundle_uses(BundleOptions.model_validate({"blunders": method}))
+    assert ("images.flight" in uses) == (method != "robust")
 
 
 def test_undulation_and_terrain_height_without_effect_are_offered_as_such(of: Hand, tmp_path: Path) -> None:

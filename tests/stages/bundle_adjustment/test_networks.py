@@ -201,18 +201,31 @@ def test_exact_distances_that_contradict_each_other_are_refused(
         bundle(tables(options=TablesOptions(path=tmp_path)), options=BundleOptions(max_sigma0=1e9))
 
 
+def _measured(start: np.ndarray, end: np.ndarray, value: np.ndarray) -> NetworkObservations:
+    n = len(value)
+    return NetworkObservations(start, end, value, np.full(n, -1), np.full(n, ""), np.zeros(n))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_of_points_that_are_not_sure_the_surest_comes_first(side: float) -> None:
+    """The first of two new points is on either side of its base, till the second is there, whose base is not straight."""
+    xy = np.array([[0.0, 0.0], [100.0, 0.0], [50.0, 0.05], [30.0, 60.0 * side], [70.0, 80.0 * side]])
+    start, end = np.array([0, 1, 4, 0, 1, 2]), np.array([3, 3, 3, 4, 4, 4])
+    value = np.linalg.norm(xy[start] - xy[end], axis=1) + np.array([0.0, 0.0, 0.0, 0.01, -0.01, 0.01])
+    known = np.column_stack([xy, np.zeros(5)])
+    known[3:] = np.nan
+    computed, doubtful = approximate_coordinates({"horizontal_distance": _measured(start, end, value)}, known)
+    assert doubtful == {4}
+    np.testing.assert_allclose(computed[3:, :2], xy[3:], atol=0.1)
+
+
 def test_slope_distances_are_reduced_by_the_heights_that_height_differences_give() -> None:
     """From three known points to one 50 m above them; slope distances taken for horizontal ones put it elsewhere."""
     known, unknown = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [20.0, 90.0, 0.0]]), np.array([30.0, 40.0, 50.0])
-    ends, nothing = np.arange(3), np.full(3, -1)
-
-    def measured(start: np.ndarray, end: np.ndarray, value: np.ndarray) -> NetworkObservations:
-        n = len(value)
-        return NetworkObservations(start, end, value, nothing[:n], np.full(n, ""), np.zeros(n))
-
+    ends = np.arange(3)
     network = {
-        "distance": measured(ends, np.full(3, 3), np.linalg.norm(unknown - known, axis=1)),
-        "height_difference": measured(ends[:1], np.array([3]), np.array([50.0])),
+        "distance": _measured(ends, np.full(3, 3), np.linalg.norm(unknown - known, axis=1)),
+        "height_difference": _measured(ends[:1], np.array([3]), np.array([50.0])),
     }
     xyz, doubtful = approximate_coordinates(network, np.vstack([known, np.full(3, np.nan)]))
     np.testing.assert_allclose(xyz[3], unknown, atol=1e-6)
