@@ -191,9 +191,16 @@ def fits_far_better(
     """Whether what both results use of other kinds fits one without these far better than one with them.
 
     Residuals and redundancy of the same observations count, in their standard deviations as stated: those of `kinds`
-    do not fit themselves, and a search may have enlarged all.
+    do not fit themselves, and a search may have enlarged all. Where it has left these out too, more of the others tell:
+    what they spoiled on the way does not come back.
     """
     squares, redundancy = np.zeros(2), np.zeros(2)
+    of_kinds, others = np.zeros(2), np.zeros(2)
+    for o, *of_results in zip(stated, without.observations, beside.observations):
+        count = of_kinds if o.kind in kinds else others
+        count += [adjusted.used.sum() for adjusted in of_results]
+    if not of_kinds[1] and others[0] > others[1]:
+        return True
     for o, *of_results in zip(stated, without.observations, beside.observations):
         same = all(np.array_equal(adjusted.observed.row, o.row) for adjusted in of_results)
         if o.kind in kinds or o.exact or not same:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from aatri.adapters.ground.control_by_rays import ControlByRays, control_by_rays
-from aatri.adapters.ground.ground_observed import HARDLY, GroundObserved, oriented_by
+from aatri.adapters.ground.ground_observed import HARDLY, GroundObserved, oriented_by, with_level_images
 from aatri.adapters.ground.neighbouring_bodies import beside_neighbours, oriented_together
 from aatri.adapters.ground.one_left_out import oriented_by_the_others
 from aatri.adapters.strips import oriented_strips as pieces
@@ -31,7 +31,7 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
 from aatri.orientation.bodies.components import TIE_LIMIT, Component, FreeBlock
 from aatri.orientation.bodies.deformation import expected_ratio, search_notes
-from aatri.orientation.bodies.free_body import LEVEL_RAD, FreeBody, levelled
+from aatri.orientation.bodies.free_body import FreeBody
 
 EXTRAPOLATION_WARNED = 3.0
 """Times that errors of control are magnified, beyond which this is a warning."""
@@ -199,8 +199,7 @@ def levelled_part(
     control = block_strips.control_beside(component)
     if not np.isin(shown(component), np.concatenate([control, *others])).any():
         return None
-    looking_down = levelled(image, LEVEL_RAD * np.sqrt(len(image)), ground.block.images.id[image])
-    level = replace(block_strips, ground=replace(ground, beside=(*ground.beside, looking_down)))
+    level = replace(block_strips, ground=with_level_images(ground, image))
     try:
         return oriented_part(level, component, what, settings)[0]
     except (ConvergenceError, GeometryError):

@@ -18,6 +18,7 @@ from aatri.adapters.ground.absolute_datum import (
     pooled,
 )
 from aatri.adapters.ground.ground_fit import distant_start, fit_notes, height_notes, misfitting_strips
+from aatri.adapters.ground.ground_observed import BEGUN_LEVEL
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adjustment.threads import one_blas_thread
 from aatri.errors import ConvergenceError, GeometryError
@@ -241,7 +242,7 @@ def _joined_and_oriented(
             if level is None:
                 failed.append((component, what, error))
                 continue
-            text = f"{error.what}; begun level for the bundle: what stands before it is not determined"
+            text = f"{error.what}; {BEGUN_LEVEL}"
             part, more = level, [Note("warning", text)]
         parts.append(part)
         notes += more

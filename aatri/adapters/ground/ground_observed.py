@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of
 from aatri.adapters.strips import oriented_strips as pieces
-from aatri.arrays import Bool, Float
+from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.errors import ConvergenceError, GeometryError, InputError
 from aatri.frames.tangent import TangentFrame
@@ -33,7 +33,7 @@ from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody,
 from aatri.orientation.bodies.datum_analysis import OpenDatumError
 from aatri.orientation.bodies.datum_start import Observe
 from aatri.orientation.bodies.deformation import START
-from aatri.orientation.bodies.free_body import FreeBody, concerning
+from aatri.orientation.bodies.free_body import LEVEL_RAD, FreeBody, concerning, levelled
 
 NOT_USED = ("ground_point_covariances", "geodetic_covariances", "images.rig")
 
@@ -49,6 +49,8 @@ how well they are known, where nothing better is there; see `datum_analysis`."""
 
 NEIGHBOUR = "neighbour"
 """Kind of the points that bodies on the ground give others."""
+
+BEGUN_LEVEL = "begun level for the bundle: what stands before it is not determined"
 
 DISTANCES = (DISTANCE, HORIZONTAL, RELATIVE)
 PLACES = (CONTROL, POSITION, NEIGHBOUR)
@@ -121,6 +123,12 @@ def ground_observed(as_given: Block, inside: Block, *, use_positions: bool) -> G
     frame = frame_of(as_given)
     origin = pieces.origin_of(control, position_m)
     return GroundObserved(replace(as_given, **without), origin, use_positions, frame, geodesy_of(as_given, frame))
+
+
+def with_level_images(ground: GroundObserved, image: Int) -> GroundObserved:
+    """The same, and that images (n,) look down, in the mean to `LEVEL_RAD`: where a turn about a line is open."""
+    looking_down = levelled(image, LEVEL_RAD * np.sqrt(len(image)), ground.block.images.id[image])
+    return replace(ground, beside=(*ground.beside, looking_down))
 
 
 def everything(_: Observed) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from aatri.adapters.ground.component_bodies import body_of, oriented_at_datum_points, precision
 from aatri.adapters.ground.ground_fit import height_notes
 from aatri.adapters.ground.ground_observed import (
+    BEGUN_LEVEL,
     DISTANCES,
     HARDLY,
     GroundObserved,
@@ -16,6 +17,7 @@ from aatri.adapters.ground.ground_observed import (
     everything,
     oriented_by,
     placed,
+    with_level_images,
 )
 from aatri.adapters.ground.initial_tests import (
     attitude_notes,
@@ -29,6 +31,7 @@ from aatri.adapters.ground.initial_tests import (
 )
 from aatri.adapters.ground.neighbouring_components import OnGround, by_neighbours, together
 from aatri.adapters.ground.one_left_out import oriented_by_the_others
+from aatri.arrays import finite_rows
 from aatri.artifacts.block import Block
 from aatri.codes import CONTROL as CONTROL_CODE
 from aatri.codes import OBSERVED_VALUE
@@ -37,10 +40,13 @@ from aatri.geometry.similarity import IDENTITY, compose
 from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
+from aatri.observations.control import control_of
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
-from aatri.orientation.bodies.datum_start import Observe
+from aatri.orientation.bodies.datum_analysis import OpenDatumError
+from aatri.orientation.bodies.datum_start import Observe, typical_distance
+from aatri.orientation.bodies.deformation import START
 from aatri.orientation.bodies.wrong_control import MirroredError
 from aatri.orientation.graph.component import ImageComponent, first_base_one
 from aatri.orientation.graph.joining import FEWEST
@@ -128,7 +134,8 @@ def _otherwise(
     failure: AatriError,
     by_shared: str,
 ) -> tuple[OnGround | None, list[Note]]:
-    """A component that its own observations and others leave open: hardly determined, or by datum points; else None."""
+    """A component that its own observations and others leave open: hardly determined, by datum points, or level, as a
+    bundle may begin; else None."""
     try:
         part, notes = _oriented(ground, component, rays, what, replace(settings, weakest=HARDLY))
     except (ConvergenceError, GeometryError):
@@ -138,8 +145,21 @@ def _otherwise(
             if not isinstance(by_datum, str):
                 return by_datum, [Note("note", f"{BY_DATUM_POINTS}; without them {failure.what}")]
             reasons.append(by_datum)
+        if isinstance(failure, OpenDatumError) and _has_more(ground, component, rays):
+            with contextlib.suppress(ConvergenceError, GeometryError):
+                level = with_level_images(ground, np.flatnonzero(component.images))
+                part, notes = _oriented(level, component, rays, what, replace(settings, weakest=HARDLY))
+                return part, [*notes, Note("warning", f"{failure.what}; {BEGUN_LEVEL}")]
         return None, [_apart(ground.block, component, "; ".join(filter(None, reasons)))]
     return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]
+
+
+def _has_more(ground: GroundObserved, component: ImageComponent, rays: ImagePointRows) -> bool:
+    """Whether images of a component show what it has no place of: control, or points that images beside it show."""
+    own = component.images[rays.image]
+    lacking = np.append(control_of(ground.block).point, rays.point[rays.active & ~own])
+    shown = np.intersect1d(lacking, rays.point[rays.active & own])
+    return not finite_rows(component.xyz)[shown].all()
 
 
 def _by_what_they_share(
@@ -253,8 +273,9 @@ def _oriented(
         except (ConvergenceError, GeometryError):
             continue  # the others do not determine it
         left = tuple(o for o in seated.tied.problem.ground if not others(o))
+        far_m = START * typical_distance(body, reduced.ground_from_body)
         # they fit, and do so no more with what is left out
-        if not by_attitudes and reduced.tied.tau_m == 0 and contradicts(left, reduced.state, settings.limit):
+        if not by_attitudes and reduced.tied.tau_m == 0 and contradicts(left, reduced.state, settings.limit, far_m):
             note = contradiction_note(ground.block, left, reduced.state, kind, what)
             return part(reduced, left), [note, *notes_of(reduced)]
     return part(seated), [*deformation_notes(seated, body, precision(component, rays), what), *notes_of(seated)]

@@ -26,6 +26,7 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.absolute import OrientedBody
 from aatri.orientation.bodies.datum_analysis import given_places
+from aatri.orientation.bodies.deformation import START
 from aatri.orientation.bodies.free_body import FreeBody
 from aatri.orientation.bodies.wrong_control import ONE_ROW, one_row_off
 from aatri.orientation.graph.component import ImageComponent
@@ -64,22 +65,24 @@ def left_out_table(o: Observed, residual: Float) -> Suspects:
     )
 
 
-def contradicts(left: Sequence[Observed], state: State, limit: float) -> bool:
+def contradicts(left: Sequence[Observed], state: State, limit: float, far_m: float) -> bool:
     """Whether what is left out is off as a whole by more than `limit` times what one of it is uncertain.
 
     That is its standard deviation, or the scatter of the closest half where this is larger: standard deviations may be
-    guessed, and the positions of two cameras lie apart. Weakly tied strips bend by less, and fit whatever is left.
+    guessed, and the positions of two cameras lie apart. Weakly tied strips bend by less, and fit whatever is left. What
+    scatters by more than `far_m`, or distances by that share of the distance, is off whichever way each of it is.
     """
     for o in _of_places(left):
-        v, sigma = residuals_at(state, o), o.sigmas()
+        v, sigma, far = residuals_at(state, o), o.sigmas(), far_m
         if o.kind in DISTANCES:
             length = _ratios([o], state)[1][:, None]
-            v, sigma = v / length, sigma / length
+            v, sigma, far = v / length, sigma / length, START
         for off, sigma_of in zip(v.T, sigma.T):
             testable = np.isfinite(off) & np.isfinite(sigma_of)
             if testable.any():
-                uncertain = max(float(np.median(sigma_of[testable])), _scatter_of_closest_half(off[testable]))
-                if abs(float(np.median(off[testable]))) > limit * uncertain:
+                off, sigma_of = off[testable], float(np.median(sigma_of[testable]))
+                by_scatter = limit * max(sigma_of, _scatter_of_closest_half(off))
+                if abs(float(np.median(off))) > by_scatter or np.median(np.abs(off)) > max(limit * sigma_of, far):
                     return True
     return False
 

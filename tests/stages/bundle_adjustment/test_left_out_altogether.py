@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from aatri.observations.positions import Positions
+from aatri.orientation.bundle import adjust
 from aatri.orientation.bundle.groups.candidates import ALL, NEIGHBOURHOOD
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.stages.bundle_adjustment import _adjusted
 from aatri.stages.bundle_adjustment.bundle import bundle
 from tests.orientation.bundle.made_bundle import made_bundle, no_positions
-from tests.orientation.bundle.parts import adjust_bundle
+from tests.orientation.bundle.parts import adjust_bundle, settings
 from tests.stages.bundle_adjustment.test_bundle_input import CORNERS, OF, exterior_rows
 from tests.stages.hand_block import angles_deg, ground_rows, read, start, suspected
 
@@ -52,3 +53,16 @@ def test_all_else_fits_far_better_where_it_does_itself(off_m: float, sigma_m: fl
     without = adjust_bundle(replace(parts, positions=no_positions()), datum="free")
     assert without.adjusted.sigma0 < 0.5 * beside.adjusted.sigma0
     assert _adjusted.fits_far_better(without, beside, parts.together().observed, ["position"]) == far_better
+
+
+def test_positions_that_are_left_out_in_the_end_do_not_keep_rays_out_that_they_spoiled() -> None:
+    parts = made_bundle(start_error=0.0)
+    block = parts.together()
+    rays, *others = (o.without(np.full(len(o), o.kind == "position")) for o in block.observed)
+    spoiled = rays.without(np.arange(len(rays)) < 5)
+    without, beside = (
+        adjust.adjust_bundle(replace(block, observed=(first, *others)), settings(datum="free"))
+        for first in (rays, spoiled)
+    )
+    assert _adjusted.fits_far_better(without, beside, block.observed, ["position"])
+    assert not _adjusted.fits_far_better(beside, without, block.observed, ["position"])

@@ -208,7 +208,7 @@ def _measured(start: np.ndarray, end: np.ndarray, value: np.ndarray) -> NetworkO
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_of_points_that_are_not_sure_the_surest_comes_first(side: float) -> None:
-    """The first of two new points is on either side of its base, till the second is there, whose base is not straight."""
+    """The first of two is on either side of its base, till the second is there, whose base is not straight."""
     xy = np.array([[0.0, 0.0], [100.0, 0.0], [50.0, 0.05], [30.0, 60.0 * side], [70.0, 80.0 * side]])
     start, end = np.array([0, 1, 4, 0, 1, 2]), np.array([3, 3, 3, 4, 4, 4])
     value = np.linalg.norm(xy[start] - xy[end], axis=1) + np.array([0.0, 0.0, 0.0, 0.01, -0.01, 0.01])

@@ -213,6 +213,22 @@ def test_a_block_whose_largest_part_is_mirrored_is_refused_though_attitudes_plac
 
 @pytest.mark.slow
 @pytest.mark.parametrize("chain", ["chain", "graph"])
+def test_a_ray_of_one_image_to_a_third_control_point_holds_the_turn_about_two(tmp_path: Path, chain: str) -> None:
+    small = flown(2, 4, relief_m=0.0)
+    small.observed, small.control = {}, {p: small.control[p] for p in ("C1", "C2", "C3")}
+    first, *others = [i for i, p in small.rays if p == "C3"]
+    for image in others:
+        del small.rays[image, "C3"]
+    done = adjusted_by(chain, small.write(tmp_path / "block")).bundle
+    assert done.images.oriented.all()
+    assert off_m(small, done) < 1.0
+    del small.rays[first, "C3"]
+    with pytest.raises(GeometryError, match="rotation about the line"):
+        adjusted_by(chain, small.write(tmp_path / "open"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("chain", ["chain", "graph"])
 def test_positions_one_row_off_are_told_so(tmp_path: Path, chain: str) -> None:
     small = flown(3, 4)
     small.control = {}
