@@ -21,6 +21,7 @@ from aatri.adapters.bundle.information_observed import (
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.suspects import inherited
 from aatri.adjustment.records import residuals
+from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.arrays import Bool, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -116,7 +117,8 @@ def adjusted_bundle(
     staying_out = left_out.verdict != suspects.verdict
     try:
         done, groups, components = adjusted_block(source, inputs, options, context)
-        if staying_out.any() and not any(_concerns_datum(g.group) for g in groups):
+        fits = done.result.adjusted.sigma0 * done.scale <= MAX_SIGMA0
+        if staying_out.any() and not (fits and any(_concerns_datum(g.group) for g in groups)):
             with contextlib.suppress(ConvergenceError, GeometryError):
                 others = inputs_with(left_out, doubted)
                 without = adjusted_block(source, others[0], options, context)
@@ -191,15 +193,19 @@ def fits_far_better(
     """Whether what both results use of other kinds fits one without these far better than one with them.
 
     Residuals and redundancy of the same observations count, in their standard deviations as stated: those of `kinds`
-    do not fit themselves, and a search may have enlarged all. Where it has left these out too, more of the others tell:
-    what they spoiled on the way does not come back.
+    do not fit themselves, and a search may have enlarged all. Where it leaves these out too, or they fit not at all,
+    more of the others tell: what they spoiled on the way does not come back.
     """
     squares, redundancy = np.zeros(2), np.zeros(2)
-    of_kinds, others = np.zeros(2), np.zeros(2)
+    count, fit_too = np.zeros(2), False
     for o, *of_results in zip(stated, without.observations, beside.observations):
-        count = of_kinds if o.kind in kinds else others
-        count += [adjusted.used.sum() for adjusted in of_results]
-    if not of_kinds[1] and others[0] > others[1]:
+        if o.kind not in kinds:
+            count += [adjusted.used.sum() for adjusted in of_results]
+        elif len(rows := np.flatnonzero(of_results[1].used)):
+            w = residuals(of_results[1].observed.records, beside.adjusted.state, rows) / o.sigmas()[rows]
+            stated_w = w[np.isfinite(w)]
+            fit_too |= bool((stated_w**2).sum() <= MAX_SIGMA0**2 * stated_w.size)
+    if count[0] > count[1] and not fit_too:
         return True
     for o, *of_results in zip(stated, without.observations, beside.observations):
         same = all(np.array_equal(adjusted.observed.row, o.row) for adjusted in of_results)

@@ -7,6 +7,8 @@ all are left out are off by the same where their n differences lie as near to ea
 thousand blocks: (spread / size)^(n - 1), for each coordinate of both kinds.
 """
 
+from collections.abc import Container
+
 import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
@@ -51,10 +53,15 @@ def left_out(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     return [*findings, *_idle(result)]
 
 
-def left_out_alike(result: BundleResult) -> list[Finding]:
-    """Control or positions that are all left out, and are off by the same: which of both is right nobody knows."""
+def left_out_alike(result: BundleResult, explained: Container[str] = ()) -> list[Finding]:
+    """Control or positions that are all left out, and are off by the same: which of both is right nobody knows.
+
+    Not kinds that are `explained` by another cause.
+    """
     findings = []
     for kind, name in ((CONTROL, "control points"), (POSITION, "positions")):
+        if kind in explained:
+            continue
         of_kind = [o for o in result.observations if o.observed.kind == kind]
         single = [o for o in of_kind if o.observed.set_rows is None and o.observed.records.rows == 3]
         if not single or any(o.used.any() for o in of_kind):

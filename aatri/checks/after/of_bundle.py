@@ -70,7 +70,7 @@ def findings_after(
         *two_objects(inputs.rays, inputs.image_ids, inputs.point_ids, result, done.scale),
         *done.notes,
         *result.notes,
-        *([] if wrong else left_out_alike(result)),
+        *([] if wrong else left_out_alike(result, {one.group.kind for one in groups if one.left_out})),
         *left_out(inputs, result),
         *points_at_infinity(inputs, result),
         *points_of_few_rays(result),
