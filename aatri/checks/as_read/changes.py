@@ -46,6 +46,7 @@ CHANGES = (
     SWAPPED,
     Change("with heights taken as feet", "convert the heights to metres", "", _times(1, 1, FOOT_M), in_plan=False),
     Change(f"with heights {_DIVIDED}", "give the heights in metres", "", _times(1, 1, 1 / FOOT_M), in_plan=False),
+    Change("with heights divided by 1000", "give the heights in metres", "", _times(1, 1, MM), in_plan=False),
     Change("with the sign of the heights turned", "heights count upwards", "", _times(1, 1, -1), in_plan=False),
     Change("taken as feet", _IN_METRES, _IN_METRES, _times(FOOT_M, FOOT_M, FOOT_M)),
     Change(_DIVIDED, _IN_METRES, _IN_METRES, _times(1 / FOOT_M, 1 / FOOT_M, 1 / FOOT_M)),

@@ -74,6 +74,7 @@ def test_positions_of_a_flight_plan_say_nothing() -> None:
     [
         (lambda xyz: xyz[:, [1, 0, 2]], "control", "control with X and Y exchanged"),
         (lambda xyz: xyz / [1, 1, 0.3048], "control", "control with heights taken as feet"),
+        (lambda xyz: xyz * [1, 1, 1000], "control", "control with heights divided by 1000"),
         (lambda xyz: xyz * [1, 1, 0.3048], "control", "metres that were divided by 0.3048"),
         (lambda xyz: xyz / 0.3048, "control", "control taken as feet"),
         (lambda xyz: xyz / 1000, "control", "control times 1000"),
