@@ -45,7 +45,7 @@ from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.datum_analysis import OpenDatumError
-from aatri.orientation.bodies.datum_start import Observe, typical_distance
+from aatri.orientation.bodies.datum_start import UPWARDS, Observe, typical_distance
 from aatri.orientation.bodies.deformation import START
 from aatri.orientation.bodies.wrong_control import MirroredError
 from aatri.orientation.graph.component import ImageComponent, first_base_one
@@ -145,7 +145,7 @@ def _otherwise(
             if not isinstance(by_datum, str):
                 return by_datum, [Note("note", f"{BY_DATUM_POINTS}; without them {failure.what}")]
             reasons.append(by_datum)
-        if isinstance(failure, OpenDatumError) and _has_more(ground, component, rays):
+        if isinstance(failure, OpenDatumError) and _has_more(ground, component, rays) and _look_down(done):
             with contextlib.suppress(ConvergenceError, GeometryError):
                 level = with_level_images(ground, np.flatnonzero(component.images))
                 part, notes = _oriented(level, component, rays, what, replace(settings, weakest=HARDLY))
@@ -160,6 +160,12 @@ def _has_more(ground: GroundObserved, component: ImageComponent, rays: ImagePoin
     lacking = np.append(control_of(ground.block).point, rays.point[rays.active & ~own])
     shown = np.intersect1d(lacking, rays.point[rays.active & own])
     return not finite_rows(component.xyz)[shown].all()
+
+
+def _look_down(done: Sequence[OnGround]) -> bool:
+    """Whether images that are on the ground look down in the mean, or none is there."""
+    upright = [part.component.poses.ground_from_image[part.component.images][:, 2, 2] for part in done]
+    return not upright or float(np.concatenate(upright).mean()) > UPWARDS
 
 
 def _by_what_they_share(

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from aatri.adapters.ground.initial_orientation import _look_down
 from aatri.errors import GeometryError
+from aatri.observations.poses import Poses
 from tests.small_blocks import Small, adjusted_by, flown, off_m
 
 
@@ -68,3 +74,12 @@ def test_a_strip_beside_one_that_is_oriented_is_called_so_with_what_takes_part(t
     assert line.startswith("component 2 (strip S2): ")
     assert [text for text in done.lines if text.startswith("component 2 (strip S2): attitudes of 4 images take part")]
     assert not [text for text in done.lines if "together with others" in text]
+
+
+@pytest.mark.parametrize(("elevation_deg", "level"), [(-90.0, True), (-60.0, True), (0.0, False)])
+def test_components_begin_level_only_beside_images_that_look_down(elevation_deg: float, level: bool) -> None:
+    """A facade that is begun level lies on its back."""
+    rotation = Rotation.from_euler("x", [90.0 + elevation_deg] * 4, degrees=True).as_matrix()
+    component = SimpleNamespace(poses=Poses(np.zeros((4, 3)), rotation), images=np.arange(4) > 0)
+    assert _look_down(cast(Any, [SimpleNamespace(component=component)])) == level
+    assert _look_down([])
