@@ -185,7 +185,7 @@ _OF_CHANCE = re.compile(r"probability|by chance|false alarm|chi-square|of normal
 _NO_TESTS = {
     "aatri/measuring/session.py: SHOWN_SIGMAS": "the size of a drawn ellipse",
     "aatri/formats/tables/ground.py: SAME_PLACE_SIGMAS": "readers use no method",
-    "aatri/orientation/bodies/exchanged_numbers.py: (MOST_BY_ALL, MOST_SEARCHED, SPARE)": "counts of points",
+    "aatri/orientation/bodies/wrong_control.py: (MOST_BY_ALL, MOST_SEARCHED, SPARE)": "counts of points",
     "aatri/orientation/graph/triangulation.py: LIMIT": "trims a start, which the bundle tests",
     "aatri/pixels/matching.py: COARSE_MATCHES": "a count of matches",
 }

@@ -26,7 +26,7 @@ from aatri.notes import Note
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.absolute import OrientationSettings, Start
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
-from aatri.orientation.bodies.wrong_control import ONE_ROW, one_row_off
+from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
 
 MISFIT_SHARE = 4
 """One strip of so many may fit neither control nor the others, and one of fewer; more have another cause."""

@@ -18,7 +18,7 @@ from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bodies.absolute import OrientedBody
 from aatri.orientation.bodies.deformation import FARTHEST_START, Misfit, rms_m, sigma0_notes
 from aatri.orientation.bodies.height_factor import height_factor
-from aatri.orientation.bodies.wrong_control import ONE_ROW, one_row_off
+from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
 
 WORST = 5
 """So many observations are named where strips and control do not fit."""

@@ -28,7 +28,7 @@ from aatri.orientation.bodies.absolute import OrientedBody
 from aatri.orientation.bodies.datum_analysis import given_places
 from aatri.orientation.bodies.deformation import START
 from aatri.orientation.bodies.free_body import FreeBody
-from aatri.orientation.bodies.wrong_control import ONE_ROW, one_row_off
+from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
 from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.on_ground import fits_bent
 

@@ -52,9 +52,9 @@ from aatri.orientation.bodies.datum_start import (
     two_point_start,
 )
 from aatri.orientation.bodies.deformation import bends_far_less
-from aatri.orientation.bodies.exchanged_numbers import exchanged_by_all, exchanged_of
 from aatri.orientation.bodies.free_body import FreeBody, held_motions, state_of, ties_of
-from aatri.orientation.bodies.wrong_control import refuse_mirrored, refuse_wrong
+from aatri.orientation.bodies.wrong_control import exchanged_by_all, exchanged_of, refuse_mirrored
+from aatri.orientation.bodies.wrong_tables import refuse_wrong
 
 Start = Literal["closed", "two_points", "centroids"]
 

@@ -20,11 +20,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Bool, Float
-from aatri.units import FOOT_M
+from aatri.units import FOOT_M, LENGTH_M
 
 KNOWN = {
     1 / FOOT_M: ("they are in feet (3.28)", "convert them to metres"),
     FOOT_M: ("they are metres divided by 3.28 (0.305)", "give them in metres"),
+    1 / LENGTH_M["mm"]: ("they are in mm (1000)", "give them in metres"),
     -1.0: ("they count downwards (-1)", "turn their sign"),
 }
 """Factors whose cause is known: what it is, and what to do."""

@@ -14,9 +14,9 @@ from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity
 from aatri.observations.poses import Poses
 from aatri.orientation.bodies.datum_analysis import GivenPlaces
-from aatri.orientation.bodies.exchanged_numbers import exchanged_by_all, exchanged_control
 from aatri.orientation.bodies.free_body import concerning
-from aatri.orientation.bodies.wrong_control import one_row_off, refuse_mirrored, refuse_wrong
+from aatri.orientation.bodies.wrong_control import exchanged_by_all, exchanged_control, refuse_mirrored
+from aatri.orientation.bodies.wrong_tables import one_row_off, refuse_wrong
 from tests.orientation.bodies.made_body import ALL, CORNERS, HEIGHT, PLAN, MadeBody, active, off_m
 
 # Two of six control points with each other's number are found; single errors and right points are not.
@@ -210,12 +210,12 @@ def test_positions_are_told_to_stand_one_row_off_only_where_they_do(row: int) ->
 
 
 @pytest.mark.parametrize("n", [4, 8])
-@pytest.mark.parametrize(("times", "text"), [(1000.0, "divided by 1000"), (1 / 0.3048, "taken as feet"), (1.1, "")])
+@pytest.mark.parametrize(("times", "text"), [(1000.0, "in mm"), (1 / 0.3048, "in feet"), (1.1, "")])
 def test_heights_of_control_in_another_unit_are_named_where_a_body_does_not_come_to_the_ground(
     n: int, times: float, text: str
 ) -> None:
     right, to, use = places(n, 60.0, False, n), Similarity(np.zeros(3), 1.0, np.eye(3)), np.ones(n, dtype=bool)
     refuse_wrong(right, use, to, None, "body")
     wrong = replace(right, observed_m=right.observed_m * [1.0, 1.0, times])
-    with pytest.raises(GeometryError, match=f"heights {text}") if text else nullcontext():
+    with pytest.raises(GeometryError, match=f"heights: they are {text}") if text else nullcontext():
         refuse_wrong(wrong, use, to, None, "body")

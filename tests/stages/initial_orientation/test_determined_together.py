@@ -79,7 +79,7 @@ def test_a_strip_beside_one_that_is_oriented_is_called_so_with_what_takes_part(t
 @pytest.mark.parametrize(("elevation_deg", "level"), [(-90.0, True), (-60.0, True), (0.0, False)])
 def test_components_begin_level_only_beside_images_that_look_down(elevation_deg: float, level: bool) -> None:
     """A facade that is begun level lies on its back."""
-    rotation = Rotation.from_euler("x", [90.0 + elevation_deg] * 4, degrees=True).as_matrix()
+    rotation = Rotation.from_euler("x", np.full((4, 1), 90.0 + elevation_deg), degrees=True).as_matrix()
     component = SimpleNamespace(poses=Poses(np.zeros((4, 3)), rotation), images=np.arange(4) > 0)
     assert _look_down(cast(Any, [SimpleNamespace(component=component)])) == level
     assert _look_down([])
