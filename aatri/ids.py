@@ -18,6 +18,8 @@ OF_IDS = "at most 255 bytes, no control characters, no outer blanks"
 """What an id is, for messages."""
 MAX_COMPARED_LENGTH, MOST_LOOKED_AT, MOST_COMPARED = 80, 5000, 100
 """Bounds of the search for the nearest name."""
+SHORTEST_WORD = 3
+"""Letters of a word that may be the beginning of a name."""
 
 
 def canonical(ids: Iterable[str]) -> list[str]:
@@ -116,16 +118,20 @@ def did_you_mean(text: str, names: Iterable[str]) -> str:
     """` - did you mean 'x'?`, or nothing if no known name is near.
 
     Only names of about the same length with a like beginning or end are compared, and at most `MOST_COMPARED` of them:
-    comparing a thousand unknown ids with a thousand known ones would take minutes.
+    comparing a thousand unknown ids with a thousand known ones would take minutes. A word cut short is near what it
+    begins (`max_iter`); a number is not, point 101 is no part of point 101001.
     """
     if not 0 < len(text) <= MAX_COMPARED_LENGTH:
         return ""
     head, tail, reach = text[:1].casefold(), text[-1:].casefold(), max(2, len(text) // 2)
+    known = list(itertools.islice(names, MOST_LOOKED_AT))
     alike = [
         name
-        for name in itertools.islice(names, MOST_LOOKED_AT)
+        for name in known
         if abs(len(name) - len(text)) <= reach and (name[:1].casefold() == head or name[-1:].casefold() == tail)
     ]
     other_case = [name for name in alike if name.casefold() == text.casefold()]
     near = other_case[:1] or difflib.get_close_matches(text, alike[:MOST_COMPARED], n=1, cutoff=0.6)
+    if not near and len(text) >= SHORTEST_WORD and text.isidentifier():
+        near = [name for name in known if name.casefold().startswith(text.casefold())][:1]
     return f" - did you mean {near[0]!r}?" if near else ""

@@ -239,7 +239,7 @@ def _offers(block: Block) -> Iterator[Offer | None]:
         words = f"{{condition}} of type {type_} (relative_control.yaml)"
         yield _offer(block, f"relative_control:{type_}", "constraint", words, "relative_control", c.type == type_)
     if block.earth_curvature in ("correct", "frame"):
-        words = f"earth_curvature: {block.earth_curvature} (block.yaml)"
+        words = f"`earth_curvature: {block.earth_curvature}` (block.yaml)"
         nature: Nature = "correction" if block.earth_curvature == "frame" else "reduction"
         yield Offer(f"earth_curvature:{block.earth_curvature}", nature, words, "", "Solution")
     if np.isfinite(block.undulation_m):

@@ -211,7 +211,7 @@ def camera_tables(
     tables, notes = parameter_tables(block, result, chosen.parts, chosen.name, chosen.interior)
     notes = (*notes, *_units_without_names(block, chosen), *_left_out_by_name(chosen))
     if not {part.group for part in chosen.parts} & {p.given.group for p in result.parameters}:
-        notes = (Note("warning", "self_calibration: there are no image points, so nothing is estimated"), *notes)
+        notes = (Note("warning", "`self_calibration`: there are no image points, so nothing is estimated"), *notes)
     return tables, notes
 
 
@@ -234,7 +234,7 @@ def _units_without_names(block: Block, chosen: ChosenSet) -> list[Note]:
     return [
         Note(
             "warning",
-            f"self_calibration: no image has a {part.per} (images.csv): all images of a camera share "
+            f"`self_calibration`: no image has a {part.per} (images.csv): all images of a camera share "
             f"{', '.join(part.parameters.parameters)}",
         )
         for part in chosen.parts

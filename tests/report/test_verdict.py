@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import CHECK, Block
+from aatri.artifacts.offers import offers_of
 from aatri.artifacts.solution import DatumCarriers, Solution
 from aatri.evaluation.accuracy import evaluate
 from aatri.notes import EXCHANGED, REJECTED
 from aatri.report.judgement import judgement
 from aatri.report.page import write_report
-from aatri.report.problems import problems
+from aatri.report.problems import in_words, problems
 from aatri.report.verdict import Light, _check, external_lights, internal_lights
 from aatri.report.view.run_view import RunView, StageView, view
 from tests.made_solutions import made_block, made_solution
@@ -213,6 +214,11 @@ def test_warnings_of_the_way_stand_on_the_first_page_of_a_run_that_was_stopped_t
     write_report(run)
     problems = json.loads((run / "report.json").read_text())["problems"]
     assert [p["text"] for p in problems] == ["Image points: 2 of 9 are alone", "strip: image point 7"]
+
+
+def test_keys_of_files_stay_as_they_are_written() -> None:
+    (offer,) = (o for o in offers_of(replace(made_block(), earth_curvature="correct")) if "curvature" in o.name)
+    assert in_words(f"{offer.what}: not used") == "`earth_curvature: correct` (block.yaml): not used"
 
 
 def test_warnings_of_the_result_stand_on_the_first_page_but_for_what_is_named_there_already(tmp_path: Path) -> None:

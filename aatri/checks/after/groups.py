@@ -26,7 +26,7 @@ from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MARK, NEIGHBO
 from aatri.orientation.bundle.groups.frame_marks import COORDINATES
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.search import AcceptedGroup
-from aatri.units import FOOT_M, about
+from aatri.units import FOOT_M, about, decimals, digits
 
 LENGTHS = {"": 1.0, " in mm": 1e-3, " in cm": 1e-2, " in dm": 0.1, " in feet": FOOT_M}
 
@@ -96,8 +96,8 @@ def _alternative(per: str, unit: str, cause: str) -> str:
     return f"{cause}{of_unit}"
 
 
-def _values(value: Float, sigma: Float, digits: str = ".3f") -> str:
-    return ", ".join(f"{v:{digits}} (+- {s:{digits}})" for v, s in zip(value, sigma))
+def _values(value: Float, sigma: Float) -> str:
+    return ", ".join("{} (+- {})".format(*map(digits(decimals(s)), (v, s))) for v, s in zip(value, sigma))
 
 
 def _whose(g: Group) -> str:
@@ -191,7 +191,7 @@ def _drift_of_attitudes(g: Group) -> tuple[str, str]:
 
 
 def _degrees(g: Group, axes: slice) -> str:
-    return _values(np.degrees(g.value[axes]), np.degrees(g.sigma[axes]), ".4f")
+    return _values(np.degrees(g.value[axes]), np.degrees(g.sigma[axes]))
 
 
 def _boresight(g: Group) -> tuple[str, str]:

@@ -126,10 +126,10 @@ def _check_versions(tables: JoinedParts) -> None:
         by_sigma = apart * size[a[pair]] / points["sigma_mm"][a[pair]]
         if float(np.median(by_sigma.max(axis=1))) > ANOTHER_LIST:
             others = f"{int(pair.sum())} of its image points have other coordinates in {tables.files[first]}"
-            what, where = f"{others}, up to {apart.max():.4g} apart", place(points, int(b[pair][0]), tables.files)
+            unit, where = "mm" if (size[a[pair]] == 1).all() else "px", place(points, int(b[pair][0]), tables.files)
             names = " or ".join(f"--without {tables.files[k].name}" for k in (first, second))
             remedy = f"two versions of one list? Give one of them; of a folder leave one out: {names}"
-            raise InputError(what, where=where, remedy=remedy)
+            raise InputError(f"{others}, up to {apart.max():.4g} {unit} apart", where=where, remedy=remedy)
 
 
 def _pixel_mm(tables: JoinedParts, images: Text) -> Float:

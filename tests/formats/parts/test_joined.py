@@ -136,7 +136,7 @@ def test_two_versions_of_a_list_are_an_error_and_a_repeated_measurement_is_none(
     assert len(block.image_points) == 12
     again.image_points = {**again.image_points, "xy": xy * 0.0}
     with pytest.raises(
-        InputError, match=r"again.txt:\d+: 6 of its image points have other coordinates in points.txt, up to 210"
+        InputError, match=r"again.txt:\d+: 6 of its image points have other coordinates in points.txt, up to 210 px"
     ):
         join(images("a", "b"), again, camera("cam"))
 

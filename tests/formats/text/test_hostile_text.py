@@ -73,6 +73,11 @@ def test_the_search_for_the_nearest_name_looks_at_few_names(monkeypatch: pytest.
     assert did_you_mean("imges", ["images", "points"]) == " - did you mean 'images'?"
 
 
+def test_a_word_cut_short_is_near_what_it_begins_and_a_number_is_not() -> None:
+    assert did_you_mean("max_iter", ["max_sigma0", "max_iterations"]) == " - did you mean 'max_iterations'?"
+    assert did_you_mean("101", ["10100100"]) == ""
+
+
 @pytest.mark.parametrize("text", ["1e308", "-1e200", "9" * 200, "1e-200", "-1e-400", f"0.{'0' * 200}1"])
 def test_a_number_whose_square_is_none_is_no_quantity(tmp_path: Path, text: str) -> None:
     as_json = tmp_path / "a.json"
