@@ -111,8 +111,8 @@ def pipeline_from(
     hint = ""
     if positions and not observed:
         hint = MAY_BE_OBSERVED
-        file, exterior = next((s.path.name, p.exterior) for s, p in zip(sources, parts) if p.exterior)
-        angles = " --set attitude_sigma_deg=0.01" if ANGLES & {*exterior} else ""
+        file, of_positions = next((s.path.name, p) for s, p in zip(sources, parts) if p.exterior)
+        angles = " --set attitude_sigma_deg=0.01" if _has_angles(of_positions) else ""
         remedy = f"--set {file}:use=observed --set position_sigma=[0.1,0.1,0.1]{angles}"
         narrate(f"positions are start values: no file says that they were measured; if they were: {remedy}")
     if not _to_match(block):
@@ -202,11 +202,18 @@ def _counted(parts: BlockParts) -> list[str]:
         "image",
         "image point",
         "ground point",
-        "orientation" if ANGLES & {*parts.exterior} else "position",
+        "orientation" if _has_angles(parts) else "position",
     )
     counts = [len(getattr(parts, table).get(key, ())) for table, key in zip(tables, keys)]
     frame = [f"frame {parts.frame.crs}"] if parts.frame is not None else []
     return [several(count, word) for count, word in zip(counts, words) if count] + frame
+
+
+def _has_angles(parts: BlockParts) -> bool:
+    """Whether attitudes are there; photographs have the column, and those of a plain camera no value in it."""
+    import numpy as np
+
+    return any(np.isfinite(parts.exterior[name]).any() for name in ANGLES & {*parts.exterior})
 
 
 def _has_start(block: Block) -> bool:

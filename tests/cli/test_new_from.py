@@ -14,6 +14,8 @@ from typer.testing import CliRunner
 
 from aatri.artifacts.block import Exterior, StripIds
 from aatri.cli.main import app
+from aatri.cli.new_from import _counted
+from aatri.formats.navigation.photo_folder import read_photographs
 from aatri.formats.registry.settings import settings_of
 from aatri.formats.registry.sources import read_all
 from aatri.formats.tables.writer import write_block
@@ -23,6 +25,7 @@ from aatri.pipeline.spec.pipeline_file import load_spec
 from aatri.progress import SILENT
 from tests.campaigns.fuzz_seeds import READERS
 from tests.formats.opensfm.made_project import write_project
+from tests.made_photographs import HEIGHT, WIDTH, exif_of
 from tests.stages.chain import simulated
 
 
@@ -46,6 +49,13 @@ def test_a_project_of_opensfm_becomes_a_pipeline_that_runs(tmp_path: Path) -> No
     assert "self_calibration" in path.read_text(), "OpenSfM has estimated the camera from the same image points"
     assert "variance_components" not in path.read_text(), "image points alone have no other kind to be weighed against"
     assert folder.is_dir()
+
+
+def test_photographs_without_attitudes_have_positions(tmp_path: Path) -> None:
+    image = pytest.importorskip("PIL.Image").new("L", (WIDTH, HEIGHT))
+    for k in range(2):
+        image.save(tmp_path / f"{k}.jpg", exif=exif_of(np.array([10.0 * k, 0.0, 100.0]), k))
+    assert _counted(read_photographs(tmp_path)) == ["1 camera", "2 images", "2 positions", "frame EPSG:4979"]
 
 
 @pytest.mark.slow
