@@ -19,7 +19,7 @@ OF_IDS = "at most 255 bytes, no control characters, no outer blanks"
 MAX_COMPARED_LENGTH, MOST_LOOKED_AT, MOST_COMPARED = 80, 5000, 100
 """Bounds of the search for the nearest name."""
 SHORTEST_WORD = 3
-"""Letters of a word that may be the beginning of a name."""
+"""Letters of a word that is taken for the beginning of a name; one or two begin too many."""
 
 
 def canonical(ids: Iterable[str]) -> list[str]:
@@ -132,6 +132,6 @@ def did_you_mean(text: str, names: Iterable[str]) -> str:
     ]
     other_case = [name for name in alike if name.casefold() == text.casefold()]
     near = other_case[:1] or difflib.get_close_matches(text, alike[:MOST_COMPARED], n=1, cutoff=0.6)
-    if not near and len(text) >= SHORTEST_WORD and text.isidentifier():
+    if not near and len(text) >= SHORTEST_WORD and text.replace("_", "").isalpha():  # ids count on: P1, P10, P101
         near = [name for name in known if name.casefold().startswith(text.casefold())][:1]
     return f" - did you mean {near[0]!r}?" if near else ""

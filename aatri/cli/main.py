@@ -40,6 +40,19 @@ VERBS = {
     "gc": "Remove old results",
 }
 
+ELSEWHERE = {
+    "import": "files of other programs are read by `aatri new --from FILE`",
+    "init": "a pipeline is written by `aatri new`",
+    "demo": "a pipeline of a simulated block is written by `aatri new`",
+    "merge": "blocks are joined by a stage of a pipeline, see `aatri stages block/merged`",
+    "diff": "runs are compared by `aatri compare`",
+    "validate": "a pipeline is looked at by `aatri check`",
+    "info": "artifacts are described by `aatri show`",
+    "resume": "`aatri run` goes on where a run was ended",
+    "clean": "old results are removed by `aatri gc`",
+}
+"""What other programs call a verb for, and where it is done here."""
+
 
 class Verbs(TyperGroup):
     """A group of commands that are made when they are called."""
@@ -62,7 +75,8 @@ class Verbs(TyperGroup):
         if args and args[0] not in VERBS:
             from aatri.ids import did_you_mean
 
-            ctx.fail(f"no verb {args[0]!r}{did_you_mean(args[0], VERBS)}")
+            elsewhere = ELSEWHERE.get(args[0])
+            ctx.fail(f"no verb {args[0]!r}{': ' + elsewhere if elsewhere else did_you_mean(args[0], VERBS)}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002

@@ -33,7 +33,7 @@ class BlockSource(StrEnum):
     photos = "photos"
 
 
-_HEAD = {
+_COMMENTS = {
     BlockSource.tables: """\
 # Digital images in strips, measured in pixels: fill in block.yaml, images.csv ... in the folder `block` beside this
 # file.
@@ -49,7 +49,7 @@ _HEAD = {
     BlockSource.unordered: """\
 # Digital images of any arrangement, given as tables without strips or order: fill in block.yaml, images.csv ... in the
 # folder `block` beside this file. Refraction and earth curvature are corrected in near-vertical images only.
-# Without control and positions give the bundle `datum: free`.
+# Without control and positions add `datum: free` to `with:` of the bundle.
 """,
     BlockSource.wucaps: """\
 # A block given as WuCAPS files (camera, image coordinates, control, orientation points) in the folder `block` beside
@@ -67,13 +67,13 @@ _HEAD = {
 # It has no datum; with `control: ground_points.csv` at the block, leave out `datum` of the bundle.
 """,
 }
-PHOTOS = """\
-# Photographs: images, cameras and positions are what their files say, tie points are found in their pixels.
-# Without positions give the bundle `datum: free`. Control measured elsewhere: `aatri new --from PHOTOGRAPHS
-# --from LIST`; to measure control: `aatri export RUN:block tables FOLDER`, then `aatri measure FOLDER`.
-"""
 _OF_GRAPH = with_options(OF_GRAPH + ACCURACY, ["blunders: robust_snooping"])
-PHOTOS += HEAD + "  photos:   {use: block/photos, with: {path: @PATH@}}\n" + of_matched(_OF_GRAPH)
+PHOTOS = f"""\
+# Photographs: images, cameras and positions are what their files say, tie points are found in their pixels.
+# Without positions add `datum: free` to `with:` of the bundle. Control measured elsewhere: `aatri new --from
+# PHOTOGRAPHS --from LIST`; to measure control: `aatri export RUN:block tables FOLDER`, then `aatri measure FOLDER`.
+{HEAD}  photos:   {{use: block/photos, with: {{path: @PATH@}}}}
+{of_matched(_OF_GRAPH)}"""
 _WITH_START = {
     BlockSource.dbat: ("{use: block/dbat, with: {path: export.txt, control: control.txt}}", []),
     BlockSource.bal: ("{use: block/bal, with: {path: problem.txt}}", ["datum: minimal"]),
@@ -240,17 +240,17 @@ def _text(block: BlockSource, folder: Path, photographs: Path | None) -> str:
 
         return (sample_folder() / "pipeline.yaml").read_text(encoding="utf-8")
     if block is BlockSource.unordered:
-        return _HEAD[block] + HEAD + "  block:    {use: block/tables, with: {path: block}}\n" + _OF_GRAPH
+        return _COMMENTS[block] + HEAD + "  block:    {use: block/tables, with: {path: block}}\n" + _OF_GRAPH
     if block is BlockSource.photos:
         path = json.dumps(path_from(photographs or folder / "photos", folder), ensure_ascii=False)
         return PHOTOS.replace("@PATH@", path)
     if block in _WITH_START:
         read, options = _WITH_START[block]
-        return f"{_HEAD[block]}{HEAD}  block:    {read}\n{with_options(WITH_START + ACCURACY, options)}"
+        return f"{_COMMENTS[block]}{HEAD}  block:    {read}\n{with_options(WITH_START + ACCURACY, options)}"
     body = demo[demo.index("run:") :].replace("runs/demo", "runs/block")
     for stage, value in _LINES[block].items():
         body = re.sub(rf"^(  {stage}: +).*$", rf"\g<1>{value}", body, flags=re.MULTILINE)
-    return _HEAD[block] + body
+    return _COMMENTS[block] + body
 
 
 def demo_path() -> Path:

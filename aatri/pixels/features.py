@@ -65,6 +65,7 @@ def keypoints_of(grey: Grey, most: int, cells: int = 16, seen: Bool | None = Non
     if not points:
         return Keypoints.empty()
     table = np.array([(*p.pt, p.size, p.angle, p.response) for p in points])
+    # of features at one place the first: further orientations are no further points
     _, first = np.unique(np.round(table[:, :2], 2), axis=0, return_index=True)
     kept = np.sort(first)
     kept = kept[spread(table[kept, :2], table[kept, 2], table[kept, 4], (grey.shape[1], grey.shape[0]), most, cells)]

@@ -6,6 +6,7 @@ import contextlib
 from collections import Counter
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,21 +45,21 @@ from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS
 from aatri.orientation.bundle.groups.candidates import MARK
 from aatri.orientation.bundle.groups.group import Group
-from aatri.orientation.bundle.groups.search import AcceptedGroup
+from aatri.orientation.bundle.groups.search import SEVERAL, AcceptedGroup
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.plugin import Context
 
-from ._adjusting import adjusted_block
+from ._adjusting import adjusted, adjusted_block, with_one_file
 from ._self_calibration import ChosenSet, chosen_set, parameters_of
 
 if TYPE_CHECKING:
     from .bundle import BundleOptions
 
 FAILS_WITH = "no adjustment succeeds with what an earlier stage has left out altogether: it stays out"
-BETTER_WITHOUT = (
-    "what an earlier stage has left out altogether stays out: all else fits far better, no group explains it"
-)
+STAYS_OUT = "what an earlier stage has left out altogether stays out: "
+FITS_NOTHING = f"{STAYS_OUT}it fits nothing, and beside it more of all else would be left out"
+BETTER_WITHOUT = f"{STAYS_OUT}all else fits far better without it"
 
 
 @dataclass(frozen=True)
@@ -115,24 +116,26 @@ def adjusted_bundle(
         inputs, share = inputs_with(suspects, doubted)
     left_out, _ = inherited(initial, taken_back=not searched, groups_back=False)
     staying_out = left_out.verdict != suspects.verdict
+    adjust = with_one_file(partial(adjusted, options=options, context=context))
     try:
-        done, groups, components = adjusted_block(source, inputs, options, context)
+        done, groups, components = adjusted_block(source, inputs, options, adjust)
         fits = done.result.adjusted.sigma0 * done.scale <= MAX_SIGMA0
         if staying_out.any() and not (fits and any(_concerns_datum(g.group) for g in groups)):
             with contextlib.suppress(ConvergenceError, GeometryError):
                 others = inputs_with(left_out, doubted)
-                without = adjusted_block(source, others[0], options, context)
-                kinds = suspects.kind[staying_out]
-                if fits_far_better(without[0].result, done.result, others[0].observed, kinds):
+                without = adjusted_block(source, others[0], options, adjust)
+                compared = without[0].result, done.result, others[0].observed, suspects.kind[staying_out]
+                reasons = ((FITS_NOTHING, spoils_others), (BETTER_WITHOUT, fits_far_better))
+                if reason := next((text for text, holds in reasons if holds(*compared)), ""):
                     (done, groups, components), (inputs, share) = without, others
-                    tell([_stays_out(BETTER_WITHOUT, suspects, staying_out)], context)
+                    tell([_stays_out(reason, suspects, staying_out)], context)
                     suspects = left_out
     except (ConvergenceError, GeometryError) as error:
         try:
             if not staying_out.any():
                 raise error
             inputs, share = inputs_with(left_out, doubted)
-            done, groups, components = adjusted_block(source, inputs, options, context)
+            done, groups, components = adjusted_block(source, inputs, options, adjust)
         except (ConvergenceError, GeometryError):
             # which may be the reason
             for wrong in [f for f in at_start if isinstance(f, Finding) and f.cause == "start_rays"]:
@@ -187,35 +190,49 @@ def _concerns_datum(group: Group) -> bool:
     return group.per != MARK and (group.kind != IMAGE_POINT or group.per == "camera")
 
 
+def spoils_others(
+    without: BundleResult, beside: BundleResult, stated: Sequence[Observed], kinds: Container[str]
+) -> bool:
+    """Whether what is observed of some kinds fits nothing, and the result with them does without several others.
+
+    It fits nothing where that result has left it out, or uses it with residuals beyond `MAX_SIGMA0` of the standard
+    deviations as stated. Several are `SEVERAL`: by one or two differ two searches of a block by chance.
+    """
+    count = np.zeros(2)
+    for o, *of_results in zip(stated, without.observations, beside.observations):
+        if o.kind not in kinds:
+            count += [one.used.sum() for one in of_results]
+            continue
+        own = of_results[1]
+        rows = np.flatnonzero(own.used)
+        if not len(rows):
+            continue
+        sigma = own.observed.sigmas()[rows] if not np.array_equal(own.observed.row, o.row) else o.sigmas()[rows]
+        v = residuals(own.observed.records, beside.adjusted.state, rows)
+        tested = np.isfinite(v) & (sigma > 0)
+        if not tested.any() or ((v[tested] / sigma[tested]) ** 2).mean() <= MAX_SIGMA0**2:  # exact ones hold
+            return False
+    return bool(count[0] >= count[1] + SEVERAL)
+
+
 def fits_far_better(
     without: BundleResult, beside: BundleResult, stated: Sequence[Observed], kinds: Container[str]
 ) -> bool:
     """Whether what both results use of other kinds fits one without these far better than one with them.
 
     Residuals and redundancy of the same observations count, in their standard deviations as stated: those of `kinds`
-    do not fit themselves, and a search may have enlarged all. Where it leaves these out too, or they fit not at all,
-    more of the others tell: what they spoiled on the way does not come back.
+    do not fit themselves, and a search may have enlarged all.
     """
     squares, redundancy = np.zeros(2), np.zeros(2)
-    count, fit_too = np.zeros(2), False
     for o, *of_results in zip(stated, without.observations, beside.observations):
-        if o.kind not in kinds:
-            count += [adjusted.used.sum() for adjusted in of_results]
-        elif len(rows := np.flatnonzero(of_results[1].used)):
-            w = residuals(of_results[1].observed.records, beside.adjusted.state, rows) / o.sigmas()[rows]
-            stated_w = w[np.isfinite(w)]
-            fit_too |= bool((stated_w**2).sum() <= MAX_SIGMA0**2 * stated_w.size)
-    if count[0] > count[1] and not fit_too:
-        return True
-    for o, *of_results in zip(stated, without.observations, beside.observations):
-        same = all(np.array_equal(adjusted.observed.row, o.row) for adjusted in of_results)
+        same = all(np.array_equal(one.observed.row, o.row) for one in of_results)
         if o.kind in kinds or o.exact or not same:
             continue
         rows = np.flatnonzero(of_results[0].used & of_results[1].used)
         sigma = o.sigmas()[rows]
-        for k, (adjusted, result) in enumerate(zip(of_results, (without, beside))):
-            v = residuals(adjusted.observed.records, result.adjusted.state, rows)
-            explained = np.nan_to_num(np.einsum("nii->ni", adjusted.covariance[rows]))  # unknown: as if it were none
+        for k, (one, result) in enumerate(zip(of_results, (without, beside))):
+            v = residuals(one.observed.records, result.adjusted.state, rows)
+            explained = np.nan_to_num(np.einsum("nii->ni", one.covariance[rows]))  # unknown: as if it were none
             squares[k] += ((v[sigma > 0] / sigma[sigma > 0]) ** 2).sum()
             redundancy[k] += (1.0 - explained[sigma > 0]).sum()
     factor = np.sqrt(np.divide(squares, redundancy, out=np.full(2, np.inf), where=redundancy > 0))

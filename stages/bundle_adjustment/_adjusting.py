@@ -64,25 +64,27 @@ COARSE = 5.0
 
 
 def adjusted_block(
-    source: ObservationSource, inputs: BundleInput, options: BundleOptions, context: Context
+    source: ObservationSource, inputs: BundleInput, options: BundleOptions, adjust: Callable[..., BundleResult]
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...], VarianceComponents | None]:
-    """The adjusted block after all that the options ask for, the groups that the search found, variance components."""
-    done, groups = _searched(source, inputs, options, context)
-    adjust, rebuilt = partial(adjusted, options=options, context=context), partial(with_parameters, source)
+    """The adjusted block after all that the options ask for, the groups that the search found, variance components.
+
+    `adjust` makes one adjustment of a block, by `AdjustOptions` that may be given.
+    """
+    done, groups = _searched(source, inputs, options, adjust)
     done = with_converged_terms(done, adjust, partial(adjust, adjusting=AdjustOptions(covariances=False)))
     done, components = with_variance_components(source.block, done, adjust, options.variance_components)
-    return with_considered(done, adjust, rebuilt), groups, components
+    return with_considered(done, adjust, partial(with_parameters, source)), groups, components
 
 
 def _searched(
-    source: ObservationSource, inputs: BundleInput, options: BundleOptions, context: Context
+    source: ObservationSource, inputs: BundleInput, options: BundleOptions, adjust: Callable[..., BundleResult]
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
     """The adjusted block after the search of the options, and the groups it found."""
     searching, groups = options.blunders.search_options(), tuple[AcceptedGroup, ...]()
     if options.variance_components is not None and searching.sigmas == "estimated":
         searching = replace(searching, sigmas="tests")  # the weights are for them to find
 
-    adjust = _with_one_file(failing_once(partial(adjusted, options=options, context=context)))
+    adjust = failing_once(adjust)
 
     def single(block: BundleInput, squares: list[BundleResult] | None) -> AdjustedBlock:
         if searching.method == "none":
@@ -124,16 +126,19 @@ def _searched(
     return done, groups
 
 
-def _with_one_file(adjust: Callable[..., BundleResult]) -> Callable[..., BundleResult]:
-    """An adjustment before which the factor that the last result has kept in a file gives back its room."""
-    give_back: list[Callable[[], None]] = []
+def with_one_file(adjust: Callable[..., BundleResult]) -> Callable[..., BundleResult]:
+    """Adjustments of which the last alone keeps its factor in a file: before the next one that is closed.
+
+    Whoever asks a result for a factor that was closed has it made again (`factor_of`).
+    """
+    close: list[Callable[[], None]] = []
 
     def once(block: BundleInput, adjusting: AdjustOptions = AdjustOptions()) -> BundleResult:
-        while give_back:
-            give_back.pop()()
+        while close:
+            close.pop()()
         result = adjust(block, adjusting)
         if result.adjusted.factored is not None and result.adjusted.problem.spill:
-            give_back.append(result.adjusted.factored.factor.clear)
+            close.append(result.adjusted.factored.factor.clear)
         return result
 
     return once
@@ -186,9 +191,9 @@ def _settings(options: BundleOptions, adjusting: AdjustOptions, context: Context
         options.datum,
         options.datum_over,
         covariances,
-        keep_factor,
-        adjusting.to_end_if_near,
-        adjusting.huber,
-        adjusting.weights,
-        solution,
+        keep_factor=keep_factor,
+        keep_factor_on_disk=adjusting.to_end_if_near,  # which may be the result, whose score tests need it
+        huber=adjusting.huber,
+        weights=adjusting.weights,
+        solution=solution,
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from aatri.cli.main import VERBS, app
+from aatri.cli.main import ELSEWHERE, VERBS, app
 from tests.made_up_stages import made_up_registry, write_pipeline
 
 LINES = "  a: {use: source/fixed}\n  s: {use: sum/add, from: {numbers: a}}\n"
@@ -41,6 +41,10 @@ def test_every_verb_of_the_help_is_there() -> None:
     wrong = aatri("stauts")
     assert wrong.exit_code == 2
     assert "did you mean 'status'" in wrong.output
+    for verb, where in ELSEWHERE.items():
+        assert verb not in VERBS
+        assert where in " ".join(aatri(verb).output.split())
+        assert any(f"aatri {known}" in where for known in VERBS)
 
 
 @pytest.mark.slow

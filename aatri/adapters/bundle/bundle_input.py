@@ -16,6 +16,7 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import ArtifactError, GeometryError, InputError
 from aatri.ids import rows_of, shown
+from aatri.notes import Note
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.image_points import image_points as observed_image_points
 from aatri.observations.image_points import rays_of
@@ -239,7 +240,9 @@ def with_row_times(
     """
     block, points = source.block, source.image_points
     if points is None or not np.isfinite(block.image_points.row_time_s).any():
-        return source
+        chosen = [n for n, value in (("readout_sigma", sigma), ("velocity_sigma", velocity_sigma_m_s)) if value != 0]
+        text = f"{', '.join(chosen)}: options are set, but no image point has a row time"
+        return replace(source, notes=(*source.notes, Note("warning", text))) if chosen else source
     rays, poses = rays_of(block, points), source.start[POSE]
     row_time_s = block.image_points.row_time_s
     images = block.images

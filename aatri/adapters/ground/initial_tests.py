@@ -70,7 +70,15 @@ def contradicts(left: Sequence[Observed], state: State, limit: float, far_m: flo
 
     That is its standard deviation, or the scatter of the closest half where this is larger: standard deviations may be
     guessed, and the positions of two cameras lie apart. Weakly tied strips bend by less, and fit whatever is left. What
-    scatters by more than `far_m`, or distances by that share of the distance, is off whichever way each of it is.
+    is off by more than `far_m` in the median, or distances by the share `START` of themselves, is so whichever way each
+    of it is: even rough starts lie nearer (`datum_start.near_start`).
+
+    Parameters
+    ----------
+    limit : float
+        In standard deviations.
+    far_m : float, m
+        `START` times the typical distance of the points.
     """
     for o in _of_places(left):
         v, sigma, far = residuals_at(state, o), o.sigmas(), far_m

@@ -119,7 +119,7 @@ def bodies_of(
 
     while True:
         bodies = made(chosen)
-        model, body = bodies.shared(block)
+        model, body = bodies.shared(block)  # perspective centres count as shared, too
         on_ground = np.isin(body, np.concatenate([objects for _, objects in bodies.known(block)]))
         shared = on_ground | (np.bincount(body)[body] > 1)
         loose = np.asarray(np.bincount(model[shared], minlength=len(bodies.model)) < FEWEST)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from aatri.adjustment.elimination.panels import Panels, down_the_tree
+from aatri.adjustment.elimination.panels import Panels, PanelsInFile, down_the_tree
 from aatri.adjustment.others import JointSolution
 from aatri.adjustment.structure.tree import Tree
 from aatri.arrays import Float
@@ -51,6 +51,7 @@ class Factor:
         """Those of all nodes, as `panel`."""
         if self.panels is None:
             raise without_factor()
+        assert not self.is_cleared, "the factor has been given back"
         return self.panels
 
     def solution(self, tree: Tree, y: Sequence[Float], n_kept: int) -> Float:
@@ -73,8 +74,8 @@ class Factor:
 
     @property
     def is_cleared(self) -> bool:
-        """Whether its room has been given back."""
-        return self.panels is not None and not len(self.panels)
+        """Whether its file has been given back."""
+        return isinstance(self.panels, PanelsInFile) and self.panels.closed
 
 
 @dataclass

@@ -89,9 +89,10 @@ class PanelsInFile:
             raise _no_room(self._first[-1], error) from error
         self._closed = weakref.finalize(self, self._file.close)
 
-    def __len__(self) -> int:
-        """How many there are; none once their room has been given back."""
-        return len(self._shapes) if self._closed.alive else 0
+    @property
+    def closed(self) -> bool:
+        """Whether the room has been given back."""
+        return not self._closed.alive
 
     def __getitem__(self, k: int) -> Float:
         panel = np.empty(self._shapes[k], order="F")

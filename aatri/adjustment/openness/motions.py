@@ -74,7 +74,7 @@ def open_motions(
     left = []
     for part in _parts(problem, normals):
         open_here = _orthonormal(np.where(part[:, None], vectors, 0.0))
-        vertex = np.repeat(np.arange(len(problem.layout.size)), problem.layout.size)
+        vertex = np.repeat(np.arange(len(problem.layout.size)), problem.layout.size)  # whose unknowns go together
         takes_part = np.asarray(np.bincount(vertex, _taking_part(open_here), len(problem.layout.size))[vertex] > 0)
         coefficients, directions = _common(moves * takes_part[:, None], open_here, going_along, common)
         if len(coefficients):

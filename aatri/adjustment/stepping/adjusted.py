@@ -41,7 +41,8 @@ class Adjusted:
     """Records beyond the bound of their loss. Unless 0 the solution is not one of least squares: it has no sigma0 and
     no covariances."""
     factored: Factored | None = None
-    """Of a linear problem its only factor, which serves the covariances; of others where it was asked for."""
+    """Of a linear problem its only factor, which serves the covariances; of others where it was asked for. In a file it
+    may have been given back: `factor_of` makes it again."""
     notes: tuple[Note, ...] = ()
     """What takes no part, was set aside, has no finite optimum, or is hardly determined."""
 

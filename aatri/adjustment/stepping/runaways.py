@@ -115,7 +115,7 @@ def _moved(problem: IndexedProblem, state: dict[str, Any], blocks: Int) -> dict[
     damping = np.full(len(blocks), FIRST)
     for _ in range(STEPS):
         diagonal = np.einsum("nii->ni", D)
-        added = np.where(diagonal > 0, damping[:, None] * diagonal, 1.0)
+        added = np.where(diagonal > 0, damping[:, None] * diagonal, 1.0)  # held scalars have a unit row
         dy = np.asarray(-np.linalg.solve(D + added[:, :, None] * np.eye(3), h[:, :, None])[:, :, 0])
         go = -np.einsum("ni,ni->n", h, dy) > SETTLED
         blocks, cost, D, h, damping, dy = (a[go] for a in (blocks, cost, D, h, damping, dy))
@@ -151,8 +151,7 @@ def _normal_equations(problem: IndexedProblem, state: State, blocks: Int) -> tup
         own_rows = np.flatnonzero(np.isin(observed, blocks) & records.active[rows])
         v, (own,) = whitened(records, state, rows[own_rows])
         to, own = place[own_rows], own * problem.block_free[observed[own_rows]][:, None, :]
-        squares = (v**2).sum(axis=1)
-        np.add.at(cost, to, squares if records.loss is None else squares + (records.loss.costs(v) - squares))
+        np.add.at(cost, to, (v**2).sum(axis=1) if records.loss is None else records.loss.costs(v))
         np.add.at(D, to, np.einsum("nki,nkj->nij", own, own))
         np.add.at(h, to, np.einsum("nki,nk->ni", own, v))
     return cost, D, h

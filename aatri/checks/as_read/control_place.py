@@ -96,15 +96,15 @@ def _all_of_it(
 ) -> Finding | None:
     """What brings all control to the images, if they are apart by more than both extend.
 
-    A change proves something only far from the origin: there it moves points, near it it gathers them. One that gathers
-    none brings several to their images only if it is so, however far the block extends.
+    A change proves something only far from the origin: there it moves points, near it it gathers them. An exchange of X
+    and Y gathers none: it brings two and more to their images only if it is so, however far the block extends.
     """
     middle = float(np.median(distance(xyz)))
     left = [float(np.median(distance(change.apply(xyz)))) for change in IN_PLAN]
     best, least = IN_PLAN[int(np.argmin(left))], min(left)
     text = f"the control points lie {length(middle)} from the images that show them"
-    gathers_none = best.moves_near and len(places) > 1
-    apart = middle > max(0.0 if gathers_none else FAR_CONTROL * extent, LEAST_FAR_M)
+    is_exchange = best.moves_near and len(places) > 1
+    apart = middle > max(0.0 if is_exchange else FAR_CONTROL * extent, LEAST_FAR_M)
     if apart and least < EXPLAINED_DISTANCE * min(middle, from_origin):
         text += f"; {best.text} they lie {length(least)} from them"
         return Finding("control_place", "error", text, best.of_all, where=places[0])

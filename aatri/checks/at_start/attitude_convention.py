@@ -10,6 +10,7 @@ proposed in which they agree (`angle_readings`); by nine of ten where the others
 common, its boresight, is tested after the adjustment, with the covariance of the orientations; where it is fixed, and
 lacks more than `LARGEST_BORESIGHT_RAD`, no adjustment converges. Up to half that lack one turn of their own,
 larger than that, in which most agree to `WRONG_ATTITUDES_RAD`, are told together.
+Attitudes that no reading explains are told after the adjustment alone: a start of weak strips is as wrong itself.
 """
 
 from functools import partial
@@ -150,7 +151,7 @@ def _of_camera(
             text += f"; read as {reading[0]} they agree to {np.degrees(_scatter(reading[1], rotation, share)):.2g} deg"
             remedy = f"declare them as {reading[0]} (rotation, heading, mount, units in block.yaml), or convert them"
             return Finding("attitude_convention", level, text, remedy, where=place, statistic=scatter)
-        if share <= 0.5 and not before:  # more than half of them; a start may be as wrong
+        if share <= 0.5 and not before:  # more than half of them
             unread = Finding("attitude_convention", "warning", text, remedy, where=place, statistic=scatter)
     return unread
 

@@ -36,6 +36,7 @@ def unlikely_orientations(block: Block, position_m: Float, ground_from_image: Fl
         Of the block's points; NaN where not known.
     """
     points, findings = block.image_points, []
+    # what says which way is up: a coordinate system, a height of control, an observed position
     heights = control_of(block).given[:, 2]
     observed = block.exterior.position_use == OBSERVED_VALUE
     upright = bool((block.frames.crs[:1] != "local").any() or heights.any() or observed.any())

@@ -43,6 +43,7 @@ def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
     if any(p.datum for p in points.values()):
         reporter.log("points in capitals carry the datum of a free network: `datum: free, datum_over: marked`")
     ids = canonical(points)
+    # of each observation, how it counts along the axes of the Block
     sign = [axes[row.type[1]][1] if row.type in ("dx", "dy", "dz") else 1.0 for row in network.rows]
     pairs = [(*a, *b, value) for a, b, value in _observed_covariances(network, axes, ids) if a[0] != b[0] and value]
     return block_of(

@@ -209,6 +209,7 @@ def _exterior(
     )
     place = np.where(np.isfinite(packed) & (is_rtk | np.isnan(place).any(axis=1))[:, None], packed, place)
     here = finite_rows(place[:, :2])
+    # positions that stand twice: a receiver that had not moved on, or values copied from image to image
     rows = np.round(np.nan_to_num(place), 9)
     _, which, count = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
     equal = np.asarray(np.isfinite(place[:, 0]) & (count[which.ravel()] > 1))

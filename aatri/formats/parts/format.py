@@ -192,7 +192,7 @@ class Format:
     looked_for: str
     """What a file of this format has, in words, for messages."""
     carries: Sequence[Content]
-    """What is read or written."""
+    """What is read."""
     page: str = "docs/formats.md"
     """Page and section of the documentation."""
     read: Callable[[Path, Reading, Reporter], BlockParts] | None = None
@@ -216,5 +216,5 @@ class Format:
 
     @property
     def drops(self) -> tuple[Content, ...]:
-        """What it does not carry."""
-        return tuple(content for content in get_args(Content) if content not in self.carries)
+        """What is neither read nor written."""
+        return tuple(content for content in get_args(Content) if content not in {*self.carries, *self.written})

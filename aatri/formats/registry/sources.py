@@ -165,7 +165,7 @@ def _read(source: SourceWithSettings, reporter: Reporter) -> tuple[SourceWithSet
         return source, read_source(source.path, own, reporter)
     try:
         parts = read_source(source.path, own, reporter)
-        has_coordinates = bool(parts.ground_points or parts.exterior)
+        has_coordinates = bool(parts.ground_points or parts.exterior)  # in metres; a free model has none
         unnamed = has_coordinates and (
             parts.frame is None or replace(parts.frame, vertical="") == replace(PLANE, name=parts.frame.name)
         )

@@ -14,7 +14,7 @@ Whitespace-separated text, GBK or ASCII, `-99` ends a list. Names of the files i
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE
 from aatri.errors import AatriError, Errors, InputError, raise_all
@@ -26,6 +26,7 @@ from aatri.ids import clipped, did_you_mean, several
 from aatri.progress import SILENT, Reporter
 
 NAMES = ("PRECAI", "PREPHI", "PRECKI", "PRECPI")
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -63,9 +64,6 @@ class MeasuredPoint:
     point: str
     xy: tuple[float, float]
     entry: TextLine
-
-
-ImageCoordinates = tuple[list[str], list[WucapsPhoto], list[MeasuredPoint], list[StatedStrip]]
 
 
 @dataclass(frozen=True)
@@ -106,19 +104,24 @@ def read_files(folder: Path, reporter: Reporter = SILENT) -> WucapsFiles:
     entries = [word_lines(path, reporter, blanks="\x1a") for path in paths]
     problems: list[AatriError] = []
     camera = _collected(lambda: _camera(entries[0], paths[0]), problems)
-    images: ImageCoordinates = _collected(lambda: _image_coordinates(entries[1]), problems)
+    images = _collected(lambda: _image_coordinates(entries[1]), problems)
     ground = _collected(lambda: _ground(entries[2]), problems)
-    roles: Any = _collected(lambda: _roles(entries[3], paths[3], ground), problems) if ground is not None else None
-    observed: tuple[Columns, Columns] = {}, {}
+    roles = _collected(lambda: _roles(entries[3], paths[3], ground), problems) if ground is not None else None
+    observed: tuple[Columns, Columns] | None = {}, {}
     beside = [p for p in folder.iterdir() if p.is_file() and p.stem.upper() == OBSERVATIONS]
     if beside:
         paths.append(_find(folder, OBSERVATIONS))
         observed = _collected(lambda: observations(word_lines(paths[-1], reporter, blanks="\x1a")), problems)
     raise_all(problems)
+    assert observed is not None
+    assert camera is not None
+    assert images is not None
+    assert ground is not None
+    assert roles is not None
     return WucapsFiles(paths, camera, *images, ground, roles, *observed)
 
 
-def _collected(read: Callable[[], Any], problems: list[AatriError]) -> Any:
+def _collected(read: Callable[[], T], problems: list[AatriError]) -> T | None:
     """What is read; None if it has faults, which are kept."""
     try:
         return read()
@@ -165,7 +168,9 @@ def _camera(entries: list[TextLine], path: Path) -> Camera:
     return Camera((c, x0, y0), fiducials)
 
 
-def _image_coordinates(entries: list[TextLine]) -> ImageCoordinates:
+def _image_coordinates(
+    entries: list[TextLine],
+) -> tuple[list[str], list[WucapsPhoto], list[MeasuredPoint], list[StatedStrip]]:
     """PREPHI: names of the strips, photos in order, measurements."""
     numbers: list[str] = []
     stated: list[StatedStrip] = []

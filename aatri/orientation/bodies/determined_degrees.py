@@ -11,7 +11,6 @@ Both are judged with equal weights of all strips' points and control held, so th
 plan and height have nothing to do with each other. N is what the elimination of the ground points leaves.
 """
 
-from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,9 +30,6 @@ HELD = 1e-2
 """Standard deviation of control, as a share of that of the strips' points."""
 
 PARTS = ("plan", "height")
-
-LARGE = 2_000
-"""Rows of a matrix from which its eigenvalues are worth a second thread of BLAS."""
 
 
 @dataclass(frozen=True)
@@ -75,12 +71,9 @@ def determined_degrees(
         -1 without correction.
     falls : list of Fall
     """
-    with one_blas_thread() if len(count) * basis.size < LARGE else nullcontext():
+    with one_blas_thread():  # matrices of some hundred rows
         degrees, falls = highest.copy(), []
-        ties = [np.broadcast_to(np.eye(3), (len(o), 3, 3)) for o in problem.ties]
-        fixing = [np.eye(3) / HELD * observed_components(o)[:, :, None] for o in problem.ground]
-        weights = problem.weights(use & problem.taking_part(use), [*ties, *fixing])
-        N = reduced_normals(with_weights(problem.index, weights), problem.start).N
+        N = _normal_matrix(problem, use)
         for part in (0, 1):
             while (degrees[:, part] >= 0).any():
                 kept = np.flatnonzero(kept_coefficients(degrees, basis) & (part == basis.part))
@@ -93,6 +86,14 @@ def determined_degrees(
                     degrees[strip, part] -= 1
                     falls.append(Fall(strip, PARTS[part], int(degrees[strip, part]), reason))
         return degrees, falls
+
+
+def _normal_matrix(problem: TiedProblem, use: Bool) -> Float:
+    """N of all coefficients, the ground points eliminated."""
+    ties = [np.broadcast_to(np.eye(3), (len(o), 3, 3)) for o in problem.ties]
+    fixing = [np.eye(3) / HELD * observed_components(o)[:, :, None] for o in problem.ground]
+    weights = problem.weights(use & problem.taking_part(use), [*ties, *fixing])
+    return reduced_normals(with_weights(problem.index, weights), problem.start).N
 
 
 def _undetermined(N: Float, kept: Int, basis: StripBasis) -> dict[int, str]:

@@ -1,14 +1,14 @@
 """Tables that are wrong as a whole, where a body does not come to the ground by them.
 
 Positions may stand one row too high or too low in their table, each beside the next image (`one_row_off`). Heights of
-control may be in another unit: the body fits control in which they are multiplied by what is known (`KNOWN`).
+control may be in another unit: the body fits control in which they are divided by a factor that is known (`KNOWN`).
 """
 
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
-from aatri.geometry.similarity import Similarity, closed_form, robust_closed_form, transform
+from aatri.geometry.similarity import Similarity, robust_closed_form
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.datum_analysis import GivenPlaces
@@ -60,7 +60,7 @@ def refuse_wrong(places: GivenPlaces, use: Bool, to: Similarity, up: Float | Non
 
 
 def _fits_with(control: GivenPlaces, factor: float) -> bool:
-    """Whether a body fits control whose heights are multiplied."""
+    """Whether a body fits most of the control, its heights multiplied by a factor: a point may be wrong by itself."""
     X = control.observed_m * [1.0, 1.0, factor]
-    off_m = transform(closed_form(control.xyz, X), control.xyz) - X
-    return bool(np.sqrt((off_m**2).sum(axis=1).mean()) < FLAT * np.linalg.norm(np.ptp(X, axis=0)))
+    off_m = robust_closed_form(control.xyz, X)[1]
+    return bool(np.median(off_m) < FLAT * np.linalg.norm(np.ptp(X, axis=0)))

@@ -99,7 +99,7 @@ def adjust_bundle(
         return smaller
     if free is not None:
         adjusted = onto_inner_constraints(free, adjusted, adjusted_from)
-    if settings.weights:
+    if settings.weights:  # least squares with other weights than those a priori has no sigma0
         count = sum(int((w < 1).sum()) for w in settings.weights)
         adjusted = replace(adjusted, down_weighted=count, sigma0=float("nan")) if count else adjusted
     covariances, notes = (
@@ -112,7 +112,8 @@ def adjust_bundle(
         text = _WITHOUT_FACTOR.format(needed.memory_bytes(spill=True) / 1e9, needed.factor_bytes / 1e9)
         notes.append(Note("warning", text))
         covariances = False
-    if covariances and not in_parts and (settings.keep_factor or (settings.keep_file and adjusted.problem.spill)):
+    on_disk = settings.keep_factor_on_disk and adjusted.problem.spill
+    if covariances and not in_parts and (settings.keep_factor or on_disk):
         adjusted = with_factor(adjusted)
     return _result(inputs, adjusted, part, covariances, free, tuple(notes))
 

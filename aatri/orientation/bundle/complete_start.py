@@ -133,11 +133,12 @@ def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool, of
     images, first = np.unique(rays.image[rows], return_index=True)
     start_position, start_rotation = np.full_like(position, np.nan), np.full_like(rotation, np.nan)
     for image, image_rows in zip(images, np.split(rows, first[1:])):
+        of_this_c = rays.xy_mm[rays.c_mm == rays.c_mm[image_rows][0]]  # in all images: one may have few
         image_data = rays.xy_mm[image_rows], float(rays.c_mm[image_rows][0]), xyz_m[rays.point[image_rows]]
         linear_start = linear_orientation(*image_data) if linear else None
         start = start_orientation(
             *image_data,
-            area_mm2=float(np.prod(np.ptp(rays.xy_mm[rays.c_mm == image_data[1]], axis=0))),
+            area_mm2=float(np.prod(np.ptp(of_this_c, axis=0))),
             other_starts=() if linear_start is None else ((FEWEST, linear_start),),
             offered=(offered.position_m[image], offered.ground_from_image[image]),
         )

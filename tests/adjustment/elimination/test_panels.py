@@ -6,6 +6,7 @@ import errno
 import gc
 import os
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.elimination.panels import PanelsInFile
 from aatri.adjustment.stepping.adjust import adjust_large
+from aatri.adjustment.stepping.adjusted import factor_of
 from aatri.errors import ResourceError
 from tests.adjustment.block_problem import shared_problem
 from tests.adjustment.test_solve import _many_fronts
@@ -89,6 +91,24 @@ def test_the_same_solution_with_and_without_spilling(monkeypatch: pytest.MonkeyP
     for name, covariance in expected.groups.items():
         np.testing.assert_allclose(found.groups[name], covariance, rtol=1e-9, atol=1e-12)
     assert spilled.cost == pytest.approx(kept.cost, rel=1e-12)
+
+
+def test_a_factor_whose_file_was_given_back_is_made_again_where_it_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _many_fronts(monkeypatch)
+    unknowns, records, start = shared_problem(1, n_kept=14, n_points=40)
+    spilled = adjust_large(unknowns, records, start, memory_gb=0.0, solver="direct")
+    kept = replace(spilled, factored=factor_of(spilled))
+    assert factor_of(kept) is kept.factored
+    expected = marginal_covariances(kept)
+    assert kept.factored is not None
+    kept.factored.factor.clear()
+    with pytest.raises(AssertionError, match="given back"):
+        kept.factored.factor.panel(0)
+    assert factor_of(kept) is not kept.factored
+    for name, covariance in marginal_covariances(kept).groups.items():
+        np.testing.assert_array_equal(covariance, expected.groups[name])
 
 
 @pytest.mark.parametrize("by_inverses", [False, True])

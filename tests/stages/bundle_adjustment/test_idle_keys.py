@@ -33,6 +33,8 @@ def of() -> Hand:
         (bundle, BundleOptions(rigs={"position_m": 0.1})),
         (bundle, BundleOptions(rigs={"use": True})),
         (bundle, BundleOptions(distances={"scale": False})),
+        (bundle, BundleOptions(readout_sigma=0.05)),
+        (bundle, BundleOptions(velocity_sigma=None)),
         (intersection, IntersectionOptions(positions={"drift": "none"})),
     ],
 )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aatri.observations.control import Control
 from aatri.observations.positions import Positions
 from aatri.orientation.bundle import adjust
 from aatri.orientation.bundle.groups.candidates import ALL, NEIGHBOURHOOD
@@ -55,14 +56,31 @@ def test_all_else_fits_far_better_where_it_does_itself(off_m: float, sigma_m: fl
     assert _adjusted.fits_far_better(without, beside, parts.together().observed, ["position"]) == far_better
 
 
-def test_positions_that_are_left_out_in_the_end_do_not_keep_rays_out_that_they_spoiled() -> None:
+@pytest.mark.parametrize(("lost", "spoils"), [(5, True), (3, True), (2, False)])
+def test_positions_that_are_left_out_in_the_end_do_not_keep_rays_out_that_they_spoiled(lost: int, spoils: bool) -> None:
+    """By one ray or two differ two searches of the same block."""
     parts = made_bundle(start_error=0.0)
     block = parts.together()
     rays, *others = (o.without(np.full(len(o), o.kind == "position")) for o in block.observed)
-    spoiled = rays.without(np.arange(len(rays)) < 5)
+    spoiled = rays.without(np.arange(len(rays)) < lost)
     without, beside = (
         adjust.adjust_bundle(replace(block, observed=(first, *others)), settings(datum="free"))
         for first in (rays, spoiled)
     )
-    assert _adjusted.fits_far_better(without, beside, block.observed, ["position"])
-    assert not _adjusted.fits_far_better(beside, without, block.observed, ["position"])
+    assert _adjusted.spoils_others(without, beside, block.observed, ["position"]) == spoils
+    assert not _adjusted.spoils_others(beside, without, block.observed, ["position"])
+
+
+@pytest.mark.parametrize("kind", ["position", "control"])
+def test_what_is_used_and_fits_or_holds_exactly_spoils_nothing(kind: str) -> None:
+    parts, row = made_bundle(start_error=0.0), np.arange(4, dtype=np.int32)
+    C, all_three = np.broadcast_to(0.01 * np.eye(3), (4, 3, 3)), np.ones((4, 3), dtype=bool)
+    exact = Control(row, row, parts.xyz_m[row], 0.0 * C, ~all_three, all_three)
+    positions = Positions(row, row, parts.poses.position_m[row], C, np.zeros((4, 3)))
+    block = replace(parts, control=exact, positions=positions).together()
+    rays, *others = block.observed
+    without, beside = (
+        adjust.adjust_bundle(replace(block, observed=(first, *others)))
+        for first in (rays, rays.without(np.arange(len(rays)) < 5))
+    )
+    assert not _adjusted.spoils_others(without, beside, block.observed, [kind])
