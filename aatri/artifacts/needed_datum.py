@@ -69,6 +69,12 @@ def observed_attitudes(block: Block) -> Bool:
     return np.asarray((e.angle_use == OBSERVED_VALUE) & np.isfinite(e.angles_rad).any(axis=1))
 
 
+def observed_images(block: Block) -> Bool:
+    """Which images have an observed position or attitude."""
+    observed = observed_positions(block) | observed_attitudes(block)
+    return np.isin(np.arange(len(block.images)), block.exterior.image[observed])
+
+
 def controls(block: Block) -> Bool:
     """Which ground points are control."""
     return np.asarray((block.ground_points.role == CONTROL).any(axis=1))

@@ -25,6 +25,7 @@ from aatri.artifacts.needed_datum import (
     is_placed,
     no_similarity_open,
     observed_attitudes,
+    observed_images,
     observed_positions,
 )
 from aatri.codes import ANTENNA, CHECK, OBSERVED_VALUE
@@ -118,8 +119,10 @@ _DECLARED = (
               lambda b: _of_photo_coordinates(b), "ImagePoints"),
     _Declared("images.strip", "grouping", "strips of {image} (images.csv: strip)", "images",
               lambda b: b.images.strip >= 0),
-    _Declared("images.flight", "grouping", "flights of {image} (images.csv: flight)", "images",
-              lambda b: b.images.flight != ""),
+    _Declared("images.flight", "grouping", "flights of {image} (images.csv: flight) of which nothing is observed",
+              "images", lambda b: (b.images.flight != "") & ~observed_images(b)),
+    _Declared("images.flight:observed", "grouping", "flights of {image} (images.csv: flight)", "images",
+              lambda b: (b.images.flight != "") & observed_images(b)),
     _Declared("images.session", "grouping", "sessions of {image} (images.csv: session)", "images",
               lambda b: b.images.session != ""),
     _Declared("images.rig", "constraint", "rigs of {image} (images.csv: rig)", "images",

@@ -13,7 +13,13 @@ CAMERAS = tuple(
 
 
 def used(
-    *, marked: bool, sessions: bool, levels: Collection[str] = (), flights: bool = False, row_times: bool = False
+    *,
+    marked: bool,
+    sessions: bool,
+    levels: Collection[str] = (),
+    flights: bool = False,
+    observed_flights: bool = False,
+    row_times: bool = False,
 ) -> tuple[str, ...]:
     """Names of what is used.
 
@@ -26,7 +32,9 @@ def used(
     levels : collection of str
         What has a variance component of its own.
     flights : bool
-        Positions of a flight share a drift.
+        Image points of a flight share parameters.
+    observed_flights : bool
+        Positions or attitudes of a flight share a drift, or are tested together.
     row_times : bool
         Cameras move while rows are read out.
     """
@@ -36,6 +44,7 @@ def used(
         ("ground_points.datum:placed", marked),
         ("images.session", sessions),
         ("images.flight", flights or "flight" in levels),
+        ("images.flight:observed", flights or observed_flights or "flight" in levels),
         ("image_points.group", "group" in levels),
         ("image_points.row_time_s", row_times),
     )

@@ -174,7 +174,8 @@ def bundle_uses(options: BundleOptions) -> tuple[str, ...]:
         sessions="session" in units,
         levels=components.groups if components is not None else (),
         row_times=True,
-        flights="flight" in units or by_flight or in_groups,
+        flights="flight" in units,
+        observed_flights=by_flight or in_groups,
     )
 
 

@@ -247,6 +247,8 @@ def equations(folder: Path, content: Folder) -> tuple[bytes, tuple[str, ...]]:
         v, jacobians = o.records.evaluate(state, np.flatnonzero(o.records.active))
         numbers += [v, *jacobians, o.records.whitener, o.records.active, *(u.free for u in o.unknowns)]
         numbers += [] if o.holds is None else [o.holds.scalar, o.holds.value]
+        if o.kind in ("position", "attitude"):  # of a flight they are tested together
+            numbers.append(given.images.flight[o.records.touches[0][1]].astype("S9"))
     told = [str(note) for o in given.observed for note in o.notes if note.level == "warning"]
     digest = hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in numbers)).digest()
     return digest, (*heard.warned, *told, *(offer.what for offer in block.offers() if offer.name not in used_offers()))

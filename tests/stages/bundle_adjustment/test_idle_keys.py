@@ -75,7 +75,8 @@ def test_times_that_are_equal_or_permuted_under_drift_are_told(
 @pytest.mark.parametrize("method", ["robust_snooping", "none", "robust"])
 def test_flights_are_used_where_groups_are_tested(method: str) -> None:
     uses = bundle_uses(BundleOptions.model_validate({"blunders": method}))
-    assert ("images.flight" in uses) == (method != "robust")
+    assert ("images.flight:observed" in uses) == (method != "robust")
+    assert "images.flight" not in uses  # of image points no group is tested by flights
 
 
 def test_undulation_and_terrain_height_without_effect_are_offered_as_such(of: Hand, tmp_path: Path) -> None:
