@@ -9,7 +9,8 @@ position is far from all that its image shows, and says nothing of the control. 
 changes brings it to where the others are, or if it is more than 100 km off, else a warning: objects at very different
 distances are legal.
 All of it lies off if a change brings the median of d below a tenth of itself and of the distance from the origin, and
-d is beyond what both extend or the change is an exchange of X and Y; or if it exceeds 100 km, which no image sees.
+d is beyond what both extend, or the change is an exchange of X and Y and leaves less than a tenth of that; or if it
+exceeds 100 km, which no image sees.
 
 Cf. EPSG guidance note 7-1 on axis order; the rows 70 to 78 of common input errors.
 """
@@ -97,13 +98,14 @@ def _all_of_it(
     """What brings all control to the images, if they are apart by more than both extend.
 
     A change proves something only far from the origin: there it moves points, near it it gathers them. An exchange of X
-    and Y gathers none: it brings two and more to their images only if it is so, however far the block extends.
+    and Y gathers none: where it brings two and more to within a tenth of the extent from their images, it is so, however
+    far the block extends.
     """
     middle = float(np.median(distance(xyz)))
     left = [float(np.median(distance(change.apply(xyz)))) for change in IN_PLAN]
     best, least = IN_PLAN[int(np.argmin(left))], min(left)
     text = f"the control points lie {length(middle)} from the images that show them"
-    is_exchange = best.moves_near and len(places) > 1
+    is_exchange = best.moves_near and len(places) > 1 and least < EXPLAINED_DISTANCE * extent
     apart = middle > max(0.0 if is_exchange else FAR_CONTROL * extent, LEAST_FAR_M)
     if apart and least < EXPLAINED_DISTANCE * min(middle, from_origin):
         text += f"; {best.text} they lie {length(least)} from them"

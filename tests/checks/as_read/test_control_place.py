@@ -155,6 +155,13 @@ def test_objects_seen_from_afar_are_legal() -> None:
         assert all(f.level == "warning" for f in _found(targets, stations, rays, list("ABCD")))
 
 
+def test_a_facade_that_lies_as_its_stations_with_x_and_y_exchanged_is_legal() -> None:
+    stations = np.array([[20.0, 70.0], [20.6, 70.1], [21.1, 69.8]])
+    targets = np.array([70.0, 20.0]) + np.array([[-4, 0], [4, 2], [0, 4], [14, -4], [2, -14]])
+    rays = np.nonzero(np.ones((5, 3)))
+    assert all(f.level == "warning" for f in _found(targets, stations, rays, list("ABCDE")))
+
+
 def test_points_no_image_shows_are_not_judged() -> None:
     county = np.vstack([POINTS, MAP + np.array([90e3, 40e3])])
     assert _found(county, ids=[*IDS, "K"]) == []

@@ -76,6 +76,7 @@ def test_the_search_for_the_nearest_name_looks_at_few_names(monkeypatch: pytest.
 def test_a_word_cut_short_is_near_what_it_begins_and_a_number_is_not() -> None:
     assert did_you_mean("max_iter", ["max_sigma0", "max_iterations"]) == " - did you mean 'max_iterations'?"
     assert did_you_mean("101", ["10100100"]) == ""
+    assert did_you_mean("P10", ["P10100100"]) == ""
 
 
 @pytest.mark.parametrize("text", ["1e308", "-1e200", "9" * 200, "1e-200", "-1e-400", f"0.{'0' * 200}1"])
