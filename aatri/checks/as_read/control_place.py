@@ -98,8 +98,7 @@ def _all_of_it(
     """What brings all control to the images, if they are apart by more than both extend.
 
     A change proves something only far from the origin: there it moves points, near it it gathers them. An exchange of X
-    and Y gathers none: where it brings two and more to within a tenth of the extent from their images, it is so, however
-    far the block extends.
+    and Y gathers none: where it brings two and more to within a tenth of the extent from their images, it is so.
     """
     middle = float(np.median(distance(xyz)))
     left = [float(np.median(distance(change.apply(xyz)))) for change in IN_PLAN]
