@@ -70,9 +70,10 @@ def observed_attitudes(block: Block) -> Bool:
 
 
 def observed_images(block: Block) -> Bool:
-    """Which images have an observed position or attitude."""
+    """Which images have an observed position or attitude, or points with row times, which ask for their velocity."""
     observed = observed_positions(block) | observed_attitudes(block)
-    return np.isin(np.arange(len(block.images)), block.exterior.image[observed])
+    timed = block.image_points.image[np.isfinite(block.image_points.row_time_s)]
+    return np.isin(np.arange(len(block.images)), np.concatenate([block.exterior.image[observed], timed]))
 
 
 def controls(block: Block) -> Bool:

@@ -119,7 +119,7 @@ _DECLARED = (
               lambda b: _of_photo_coordinates(b), "ImagePoints"),
     _Declared("images.strip", "grouping", "strips of {image} (images.csv: strip)", "images",
               lambda b: b.images.strip >= 0),
-    _Declared("images.flight", "grouping", "flights of {image} (images.csv: flight) of which nothing is observed",
+    _Declared("images.flight", "grouping", "flights of {image} (images.csv: flight) without position or attitude",
               "images", lambda b: (b.images.flight != "") & ~observed_images(b)),
     _Declared("images.flight:observed", "grouping", "flights of {image} (images.csv: flight)", "images",
               lambda b: (b.images.flight != "") & observed_images(b)),

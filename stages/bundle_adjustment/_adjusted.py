@@ -207,7 +207,7 @@ def spoils_others(
         rows = np.flatnonzero(own.used)
         if not len(rows):
             continue
-        sigma = own.observed.sigmas()[rows] if not np.array_equal(own.observed.row, o.row) else o.sigmas()[rows]
+        sigma = (o if np.array_equal(own.observed.row, o.row) else own.observed).sigmas()[rows]
         v = residuals(own.observed.records, beside.adjusted.state, rows)
         tested = np.isfinite(v) & (sigma > 0)
         if not tested.any() or ((v[tested] / sigma[tested]) ** 2).mean() <= MAX_SIGMA0**2:  # exact ones hold

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -77,6 +78,17 @@ def test_flights_are_used_where_groups_are_tested(method: str) -> None:
     uses = bundle_uses(BundleOptions.model_validate({"blunders": method}))
     assert ("images.flight:observed" in uses) == (method != "robust")
     assert "images.flight" not in uses  # of image points no group is tested by flights
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_flights_of_images_with_row_times_are_not_idle(of: Hand, timed: bool, tmp_path: Path) -> None:
+    """Their velocity is that of their flight."""
+    block, _ = read(tmp_path, of, ground=ground_rows(of, [0, 5, 24, 29]))
+    images = replace(block.images, flight=np.full(len(block.images), "f"))
+    row_time_s = np.full(len(block.image_points), 0.01 if timed else np.nan)
+    block = replace(block, images=images, image_points=replace(block.image_points, row_time_s=row_time_s))
+    offered = {offer.name for offer in block.offers()}
+    assert ("images.flight" in offered, "images.flight:observed" in offered) == (not timed, timed)
 
 
 def test_undulation_and_terrain_height_without_effect_are_offered_as_such(of: Hand, tmp_path: Path) -> None:
