@@ -102,6 +102,8 @@ class Factored:
     multiplier: Float = field(default_factory=lambda: np.zeros(0))
     violation: Float = field(default_factory=lambda: np.zeros(0))
     """(m,). Of the constraints, if any."""
+    is_chord: bool = False
+    """The factor is that of an earlier state; see `stepping.chord`."""
     joint: JointSolution | None = None
     """Of a part: what all parts together give; `cost` is theirs."""
 

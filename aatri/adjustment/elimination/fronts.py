@@ -108,6 +108,18 @@ class _Room:
             self._spare.append(memory)
 
 
+def own_normals(problem: IndexedProblem, state: State) -> tuple[Float, Float, float]:
+    """D0 (n_blocks, 3, 3), h0 (n_blocks, 3) and the cost of the observations that touch eliminated blocks alone."""
+    D0, h0, cost = problem.hold.copy(), np.zeros((len(problem.block_free), 3)), 0.0
+    for records, rows, block in problem.direct:
+        v, (J,) = whitened(records, state, rows)
+        J = J * problem.block_free[block][:, None, :]
+        np.add.at(D0, block, np.einsum("nki,nkj->nij", J, J))
+        np.add.at(h0, block, np.einsum("nki,nk->ni", J, v))
+        cost += float((v**2).sum()) + excess(records, v)
+    return D0, h0, cost
+
+
 class Work:
     """State of one factorisation; a node may be finished in any thread once its children are."""
 
@@ -124,8 +136,7 @@ class Work:
         self.diagonal = np.zeros(problem.layout.n_kept)
         self.block_factor, self.block_y = np.ones((n_blocks, 6)), np.zeros((n_blocks, 3))
         self.determined = np.ones(n_blocks)
-        self.D0, self.h0 = problem.hold.copy(), np.zeros((n_blocks, 3))
-        self._direct(state)
+        self.D0, self.h0, self.cost[-1] = own_normals(problem, state)
         self.fill = problem.ray_lane(state) if problem.rays is not None else None
         no_derivatives = np.zeros((0, 0)), np.zeros((0, 0, 0))
         self.kept = [
@@ -133,14 +144,6 @@ class Work:
             for k in problem.kept
         ]
         self.cost[-1] += sum(excess(k.records, v) for k, v, _ in self.kept)
-
-    def _direct(self, state: State) -> None:
-        for records, rows, block in self.problem.direct:
-            v, (J,) = whitened(records, state, rows)
-            J = J * self.problem.block_free[block][:, None, :]
-            np.add.at(self.D0, block, np.einsum("nki,nkj->nij", J, J))
-            np.add.at(self.h0, block, np.einsum("nki,nk->ni", J, v))
-            self.cost[-1] += float((v**2).sum()) + excess(records, v)
 
     def run(self, nodes: Iterable[int]) -> None:
         """Work on some nodes in their order."""

@@ -8,13 +8,15 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.tree import FrontNode
 from aatri.adjustment.threads import one_blas_thread, run_all, thread_control
+
+Result = TypeVar("Result")
 
 AtNode = Callable[[int, ThreadPoolExecutor | None], None]
 
@@ -26,6 +28,9 @@ RAY_FLOPS = 10000.0
 
 STRETCH = 40_000
 """Rays that one thread works on at a time."""
+
+SHARES = 8
+"""Parts of the sums over rays that are not made front by front."""
 
 PARALLEL_FLOPS = 1e9
 """Problems with less work than this run in one thread: others would mostly wait."""
@@ -208,3 +213,19 @@ def in_parallel(problem: IndexedProblem, work: Callable[[Sequence[Stretch]], Non
     parts = [[s for s, t in zip(all_stretches, share) if t == thread] for thread in range(problem.threads)]
     with ThreadPoolExecutor(problem.threads) as pool:
         list(pool.map(work, parts))
+
+
+def in_shares(problem: IndexedProblem, work: Callable[[Sequence[Stretch]], Result]) -> list[Result]:
+    """Work on all blocks in `SHARES` parts of about equally many rays, each by one thread; what each gives, in order.
+
+    Sums that are added up in that order have the same bits for any number of threads.
+    """
+    rays, all_stretches = problem.rays, stretches(problem)
+    assert rays is not None
+    ends = rays.ray_start[[s.last for s in all_stretches]]
+    share = (ends - 1) * SHARES // max(int(ends[-1]), 1)
+    parts = [[s for s, t in zip(all_stretches, share) if t == part] for part in np.unique(share)]
+    if problem.threads == 1 or RAY_FLOPS * len(rays.rows) < PARALLEL_FLOPS:
+        return [work(part) for part in parts]
+    with ThreadPoolExecutor(problem.threads) as pool:
+        return list(pool.map(work, parts))

@@ -20,7 +20,6 @@ Source: Hestenes & Stiefel 1952; Golub & Meurant 1997, Matrices, moments and qua
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
@@ -29,7 +28,7 @@ from scipy.linalg import eigvalsh_tridiagonal
 
 from aatri.adjustment.elimination.chunks import linearised, side_by_side
 from aatri.adjustment.elimination.factor import Factor, Factored
-from aatri.adjustment.elimination.schedule import Stretch, stretches
+from aatri.adjustment.elimination.schedule import Stretch, in_shares
 from aatri.adjustment.iterative.preconditioner import partly_factorised
 from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE
 from aatri.adjustment.kernels.implicit import along_rays, onto_kept
@@ -51,9 +50,6 @@ PROBE_ACCURACY = 1e-8
 """Error of the solution that shows whether the matrix is regular, as a share of its right-hand side's."""
 
 MOST_ITERATIONS = 3000
-
-SHARES = 8
-"""Parts of the sums over rays, each added up by one thread: the same bits for any number of threads."""
 
 
 def solve_by_conjugate_gradients(problem: IndexedProblem, state: State, damping: float = 0.0) -> Factored:
@@ -166,8 +162,6 @@ class _Reduced:
         self.kept = [
             (part_columns(k.parts, problem.layout), *side_by_side(k, problem.layout, state)) for k in problem.kept
         ]
-        if problem.rays is not None:
-            self.shares = _shares(problem)
 
     def times(self, x: Float) -> Float:
         """S x."""
@@ -194,9 +188,8 @@ class _Reduced:
         total = np.zeros(len(self.free))
         if self.problem.rays is None:
             return total
-        with ThreadPoolExecutor(self.problem.threads) as pool:
-            for part in pool.map(partial(self._share, x), self.shares):
-                total += part
+        for part in in_shares(self.problem, partial(self._share, x)):
+            total += part
         return total
 
     def _share(self, x: Float | None, parts: Sequence[Stretch]) -> Float:
@@ -214,12 +207,3 @@ class _Reduced:
                     along_rays(*place, x, *factors, v, w)
                 onto_kept(*place, *factors, v, w, total)
         return total
-
-
-def _shares(problem: IndexedProblem) -> list[list[Stretch]]:
-    """All blocks, in `SHARES` parts of about equally many rays."""
-    rays, all_stretches = problem.rays, stretches(problem)
-    assert rays is not None
-    ends = rays.ray_start[[s.last for s in all_stretches]]
-    share = (ends - 1) * SHARES // max(int(ends[-1]), 1)
-    return [[s for s, t in zip(all_stretches, share) if t == part] for part in range(SHARES)]

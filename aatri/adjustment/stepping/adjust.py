@@ -31,6 +31,7 @@ from aatri.adjustment.problem import Problem
 from aatri.adjustment.records import Records
 from aatri.adjustment.settings import ENOUGH, MOST, QUICK, SolverSettings
 from aatri.adjustment.stepping.adjusted import Adjusted, Step
+from aatri.adjustment.stepping.chord import allows_chord
 from aatri.adjustment.stepping.iteration import (
     IterationState,
     advice_after,
@@ -128,12 +129,16 @@ def adjust_large(
                 continue
         if _gives_up(history, iteration, settings.max_iterations):
             break
-        factored.factor.clear()  # no later use; the next factorisation needs the room
-        here, more = with_runaways_slowed(following(here, trial, step, joint_veto, reporter))
+        by_chord = allows_chord(problem) and _is_near(history)
+        if not by_chord:
+            factored.factor.clear()  # no later use; the next factorisation needs the room
+        here = following(here, trial, step, joint_veto, reporter, by_chord=by_chord)
+        here, more = with_runaways_slowed(here)
         history[-1] = replace(history[-1], strayed=here.strayed)
         notes += more
         refuse_unusable(here)
-        kept.keep(here, history, notes)
+        if not here.factored.is_chord:
+            kept.keep(here, history, notes)
     if settings.others is not None:
         raise NotInParts(f"no convergence in {len(history)} iterations")
     refuse_nearly_singular(here.problem, here.state, len(history))
@@ -157,10 +162,14 @@ def _begun(
 
 def _bound(settings: SolverSettings, history: Sequence[Step]) -> float:
     """Of the decrement of the last step; with the last iteration that is allowed, `tolerance`."""
-    if settings.near_tolerance is None or not 1 < len(history) < (settings.max_iterations or ENOUGH):
+    if settings.near_tolerance is None or len(history) >= (settings.max_iterations or ENOUGH):
         return settings.tolerance
-    is_near = history[-1].decrement < QUICK * history[-2].decrement
-    return settings.near_tolerance if is_near else settings.tolerance
+    return settings.near_tolerance if _is_near(history) else settings.tolerance
+
+
+def _is_near(history: Sequence[Step]) -> bool:
+    """Whether undamped steps have become so much shorter that the next is expected to as well."""
+    return len(history) > 1 and history[-1].decrement < QUICK * history[-2].decrement and history[-1].damping == 0.0
 
 
 def _may_end(here: IterationState, tolerance: float, *, linear: bool) -> bool:

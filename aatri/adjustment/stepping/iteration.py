@@ -13,6 +13,7 @@ from aatri.adjustment.openness.set_aside import refuse_undetermined
 from aatri.adjustment.openness.weighted_datum import is_singular
 from aatri.adjustment.records import whitened
 from aatri.adjustment.stepping.adjusted import Step
+from aatri.adjustment.stepping.chord import on_earlier_factor
 from aatri.adjustment.stepping.damping import Damping, gain
 from aatri.adjustment.stepping.robust import POOR, bolder, curvature_of, more_cautious
 from aatri.adjustment.stepping.runaways import Veto, all_steadied
@@ -55,7 +56,13 @@ class IterationState:
 
 
 def following(
-    here: IterationState, trial: dict[str, Any], step: dict[str, Float], veto: Veto | None, reporter: Reporter
+    here: IterationState,
+    trial: dict[str, Any],
+    step: dict[str, Float],
+    veto: Veto | None,
+    reporter: Reporter,
+    *,
+    by_chord: bool = False,
 ) -> IterationState:
     """Take the step or refuse it; an undamped step is judged by the linearisation that the next iteration needs.
 
@@ -67,13 +74,15 @@ def following(
         The state after the step.
     step : dict of str to (n, k) float64
         The step.
+    by_chord : bool
+        The factor of here serves the next step too.
     """
     problem, factored, damping = here.problem, here.factored, here.damping
     before = _cost(here, here.state, factored.cost)
     refused = veto(here.state, trial) if veto else ""
     if not refused and damping.value == 0.0:
         then = bolder(problem, here.decrement)
-        next_ = factorise_constrained(then, trial)
+        next_ = on_earlier_factor(then, factored, trial) if by_chord else factorise_constrained(then, trial)
         cost = _cost(here, trial, next_.cost)
         refused = _worse(cost, before)
         if not refused and curvature_of(problem) > 0 and gain(before, cost, factored.decrease) < POOR:
