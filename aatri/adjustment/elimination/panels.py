@@ -32,13 +32,22 @@ def up_the_tree(tree: Tree, panels: Panels, x: Float, nodes: Iterable[int] | Non
     nodes : iterable of int, optional
         Children before their parents.
     """
-    for k in range(len(tree.nodes)) if nodes is None else nodes:
+    order, met = range(len(tree.nodes)) if nodes is None else nodes, _met_by(tree, x)
+    for k, panel in _read_ahead(panels, [k for k in order if tree.nodes[k].panel and met[k]]):
         columns = tree.nodes[k].columns
-        nonzero = np.flatnonzero(x[columns[: tree.nodes[k].panel]].any(axis=0))
+        nonzero = np.flatnonzero(x[columns[: panel.shape[1]]].any(axis=0))
         if len(nonzero):
             front = np.asfortranarray(x[np.ix_(columns, nonzero)])
-            lapack.forward_columns(panels[k], front)
+            lapack.forward_columns(panel, front)
             x[np.ix_(columns, nonzero)] = front
+
+
+def _met_by(tree: Tree, x: Float) -> list[bool]:
+    """Which nodes right-hand sides meet on their way up: by unknowns of their own or of a node below."""
+    met: list[bool] = []
+    for node in tree.nodes:
+        met.append(bool(x[node.columns[: node.panel]].any()) or any(met[child] for child in node.children))
+    return met
 
 
 def down_the_tree(tree: Tree, panels: Panels, x: Float, nodes: Iterable[int] | None = None) -> None:

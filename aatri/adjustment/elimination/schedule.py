@@ -223,7 +223,7 @@ def in_shares(problem: IndexedProblem, work: Callable[[Sequence[Stretch]], Resul
     rays, all_stretches = problem.rays, stretches(problem)
     assert rays is not None
     ends = rays.ray_start[[s.last for s in all_stretches]]
-    share = (ends - 1) * SHARES // max(int(ends[-1]), 1)
+    share = (ends - 1) * SHARES // max(int(ends.max(initial=0)), 1)
     parts = [[s for s, t in zip(all_stretches, share) if t == part] for part in np.unique(share)]
     if problem.threads == 1 or RAY_FLOPS * len(rays.rows) < PARALLEL_FLOPS:
         return [work(part) for part in parts]

@@ -7,7 +7,7 @@ step, some twice the ratio of the last two decrements. Ground points are elimina
 the reduced normal matrix alone. A step costs a pass over the rays and one through the factor, some third of a
 factorisation of a large block.
 
-Source: Ortega & Rheinboldt 1970, Iterative solution of nonlinear equations in several variables, 7.1.1 (chord method).
+Source: Kelley 1995, Iterative methods for linear and nonlinear equations, 5.4.1 (chord method).
 """
 
 from collections.abc import Sequence
