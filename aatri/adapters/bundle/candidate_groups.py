@@ -200,7 +200,17 @@ def _of_image_points(
     strip = images.strip if of_cameras == CAUSES else strips_with_part_of_a_camera(images, image)
     of_strips = (*CAUSES, Cause("camera", tuple(range(6))))
     for units in _units(place, images.line, strip, image, rows, H, of_strips):
-        yield replace(units, typical=np.ones(len(units.units), dtype=bool))
+        estimated_of, seen = np.zeros((len(units.units), len(images.cameras)), dtype=bool), np.unique(image)
+        unit = _unit_of(units, strip[seen])
+        if of_cameras != CAUSES:
+            estimated_of[unit[unit >= 0], images.camera[seen[unit >= 0]]] = True
+        yield replace(units, typical=np.ones(len(units.units), dtype=bool), estimated_of=estimated_of)
+
+
+def _unit_of(units: Candidates, names: Text) -> Int:
+    """Which of the units have some names, -1 none."""
+    unit = np.minimum(np.searchsorted(units.units, names), len(units.units) - 1)
+    return np.where(units.units[unit] == names, unit, -1)
 
 
 def _with_rejected(
@@ -221,8 +231,8 @@ def _with_rejected(
     H = CameraEffects(rays.xy_mm[rows], rays.c_mm[rows], corner_mm[image])
     for units in candidates:
         names = images.cameras[images.camera[image]] if units.per == "camera" else images.strip[image]
-        unit = np.minimum(np.searchsorted(units.units, names), len(units.units) - 1)
-        of_units = units.units[unit] == names
+        unit = _unit_of(units, names)
+        of_units = unit >= 0
         yield replace(units, rejected=UnitMembers(rows[of_units], unit[of_units], H[of_units]))
 
 

@@ -32,11 +32,14 @@ LENGTHS = {"": 1.0, " in mm": 1e-3, " in cm": 1e-2, " in dm": 0.1, " in feet": F
 
 BLOCK_SHIFT = "positions: {drift: shift, per: block}"
 DRIFT = "`positions: {drift: %s, per: %s}` estimates it"
+SHRINKS = "`interior_orientation: affine` for film that shrinks"
 
 RADIAL = (
     "estimate it (`self_calibration: {set: brown_conrady, per: {camera: [k1]}}`) or calibrate the lens; height control "
     "inside the block, observed positions or oblique images hold the bend"
 )
+
+MOVED = "is it a rolling shutter (`readout_s`), or did shadows, leaves, water move (`mask` of images.csv)?"
 
 
 def contradicts(accepted: AcceptedGroup, moved_cameras: Container[str] = ()) -> bool:
@@ -210,7 +213,7 @@ def _ask(g: Group) -> str:
 
 def _lens(g: Group) -> str:
     if g.per in (STRIP, LINE):
-        return f"was the {g.per} flown with another camera? give its images that one"
+        return f"was the {g.per} flown with another camera? give its images that one; if not: {MOVED}"
     if g.loosens:
         return "check it, or give it a larger standard deviation, by which it is estimated"
     return "check it, or estimate it (`self_calibration`)"
@@ -228,13 +231,10 @@ def _radial(g: Group) -> tuple[str, str]:
 def _affinity(g: Group) -> tuple[str, str]:
     a, b = (f"{1e3 * v:.3g} (+- {1e3 * s:.2g}) um" for v, s in zip(g.value, g.sigma))
     text = f"{_ask(g)} an affinity: x longer and y shorter by {a} at the corner of the format, axes turned by {b}"
-    if g.per in (STRIP, LINE, IMAGE):
-        return (
-            text,
-            f"was the film or the scanner of this {g.per} another, or are its marks those of another image? "
-            "`interior_orientation: affine` where it shrinks",
-        )
-    return text, "`interior_orientation: affine` for film that shrinks; are both scales of comparator or pixels right?"
+    if g.per not in (STRIP, LINE, IMAGE):
+        return text, f"{SHRINKS}; are both scales of comparator or pixels right?"
+    other = f"was the film or scanner of this {g.per} another, or are its marks those of another image? {SHRINKS}"
+    return text, f"{other}; without film: {MOVED}"
 
 
 def _camera(g: Group) -> tuple[str, str]:

@@ -10,7 +10,10 @@ import pytest
 from aatri.adapters.bundle.candidate_groups import strips_with_part_of_a_camera
 from aatri.artifacts.suspects import Suspects, staying_out
 from aatri.errors import ConvergenceError
-from aatri.orientation.bundle.block import ImageGroups
+from aatri.orientation.bundle.block import LINE, ImageGroups
+from aatri.orientation.bundle.groups.candidates import Candidates, Cause
+from aatri.orientation.bundle.groups.group import Group
+from aatri.orientation.bundle.groups.score_tests import is_carried
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
@@ -142,3 +145,48 @@ def test_a_strip_that_is_all_of_its_calibrated_camera_is_no_group_of_its_own() -
     assert strips_with_part_of_a_camera(images, image).tolist() == ["s0", "s0", "s1", "", ""]
     of_first_strip = image[images.strip[image] != "s1"]
     assert strips_with_part_of_a_camera(images, of_first_strip).tolist() == [""] * 5
+
+
+@pytest.mark.parametrize("estimated", [True, False])
+def test_no_correction_is_carried_twice_by_lines_of_a_camera_that_the_block_estimates(estimated: bool) -> None:
+    """c0 flew l0 to l2, c1 flew l3 and l4: what l0 and l1 carry is that of l2 too, as k1 of c0 is estimated.
+
+    Brighton's third line asked for 4 mm at the corner so, against a camera of which both others had the contrary.
+    """
+    radial, affinity = Cause("radial distortion", (3,)), Cause("affinity", (4, 5))
+    camera, lines = Cause("camera", tuple(range(6))), np.array(["l0", "l1", "l2", "l3", "l4"])
+    sees = np.array([[True, False]] * 3 + [[False, True]] * 2)
+    candidates = Candidates(
+        place=0,
+        per=LINE,
+        units=lines,
+        rows=np.arange(5),
+        unit=np.arange(5),
+        H=np.ones((5, 2, 6)),
+        causes=(radial, affinity, camera),
+        estimated_of=sees if estimated else None,
+    )
+    carried = [
+        Group(
+            place=0,
+            kind="image_point",
+            per=LINE,
+            unit=unit,
+            cause=cause.name,
+            rows=np.arange(1),
+            H=np.ones((1, 2, len(cause.columns))),
+            value=np.zeros(len(cause.columns)),
+            sigma=np.ones(len(cause.columns)),
+            gain=900.0,
+            sigma0=1.0,
+        )
+        for unit, cause in (("l0", camera), ("l1", radial))
+    ]
+    twice = {
+        (str(lines[k]), cause.name)
+        for k in range(5)
+        for cause in candidates.causes
+        if is_carried(candidates, k, cause, carried)
+    }
+    own = {("l0", c.name) for c in candidates.causes} | {("l1", "radial distortion"), ("l1", "camera")}
+    assert twice == (own | {("l2", "radial distortion"), ("l2", "camera")} if estimated else own)

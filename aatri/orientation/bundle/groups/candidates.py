@@ -80,6 +80,8 @@ class Candidates:
     the model does not know, one is wrong that has more."""
     dispersion: Float | None = None
     """(u,). The same where it is known: how many times the squares of units like these are those of chance."""
+    estimated_of: Bool | None = None
+    """(u, c). Cameras that a unit sees with, of which the block estimates what its causes are."""
     rejected: UnitMembers | None = None
     """Observations of the units that are not in use: with what is wrong carried they may come back."""
 

@@ -8,8 +8,6 @@ from aatri.arrays import Float, Int
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.orientation.bundle.block import LINE, STRIP
 
-Key = tuple[int, str, str, str]
-
 
 @dataclass(frozen=True)
 class Group:
@@ -66,11 +64,6 @@ class Group:
     def factor(self) -> float:
         """Principal distance of the block over the one that is asked for: the correction is of measured coordinates."""
         return 1.0 - float(self.value[0]) / self.c_mm if self.cause == "principal distance" else 1.0
-
-    @property
-    def key(self) -> Key:
-        """What tells it from others."""
-        return self.place, self.per, self.unit, self.cause
 
     @property
     def effect(self) -> Float:

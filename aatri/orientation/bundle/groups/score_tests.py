@@ -36,7 +36,7 @@ from aatri.orientation.bundle.groups.candidates import (
     Cause,
     dispersion_of,
 )
-from aatri.orientation.bundle.groups.group import Group, Key
+from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.harm import with_change
 from aatri.orientation.bundle.result import BundleResult
 
@@ -66,7 +66,7 @@ def significant_groups(
     result: BundleResult,
     candidates_of: CandidatesOf,
     single: float = 0.0,
-    accepted: Sequence[Key] = (),
+    accepted: Sequence[Group] = (),
 ) -> list[Group]:
     """Groups that may be wrong and do harm, the one that explains most first, then those that explain half as much.
 
@@ -78,8 +78,8 @@ def significant_groups(
         What is to be tested of a block.
     single : float
         Root of the most that leaving out a single observation gains; 0: single ones have been searched for.
-    accepted : sequence of key
-        Groups that have been accepted already.
+    accepted : sequence of Group
+        Groups that are carried already.
     """
     adjusted = result.adjusted
     if not adjusted.has_factor or adjusted.down_weighted or adjusted.redundancy < 1:
@@ -87,7 +87,12 @@ def significant_groups(
     problem = adjusted.problem.without_lanes()  # copies of the rays, which are not kept with the result
     adjusted = with_factor(replace(adjusted, problem=problem))
     candidates = list(candidates_of(block, result))
-    significant = [t for c in candidates for t in _significant(adjusted, result, c, ALARM / len(candidates))]
+    significant = [
+        t
+        for c in candidates
+        for t in _significant(adjusted, result, c, ALARM / len(candidates))
+        if not is_carried(t.candidates, t.unit, t.cause, accepted)
+    ]
     groups: list[Group] = []
     while significant and len(groups) < MOST_GROUPS:
         gain = np.array([t.gain for t in significant])
@@ -95,11 +100,25 @@ def significant_groups(
             break
         equivalent = [t for t, is_near in zip(significant, as_good(gain)) if is_near]
         best = min(equivalent, key=lambda t: (*_group(block, adjusted, result, t).complexity, -t.gain))
-        group = _confirmed(block, adjusted, result, best, single, accepted)
+        group = _confirmed(block, adjusted, result, best, single)
         if group is not None:
             groups.append(_with_alternatives(group, [t for t in equivalent if t is not best]))
         significant = [t for t in significant if t is not best]
     return groups
+
+
+def is_carried(c: Candidates, unit: int, cause: Cause, accepted: Sequence[Group]) -> bool:
+    """Whether the unit has the correction already, or all others have it of cameras that the block estimates.
+
+    The same correction twice, at measured and at adjusted coordinates, differs by the residuals and would explain them.
+    """
+    columns = {other.name: set(other.columns) for other in c.causes}
+    same = [g for g in accepted if (g.place, g.per) == (c.place, c.per)]
+    have = np.isin(c.units, [g.unit for g in same if columns.get(g.cause, set()) & set(cause.columns)])
+    if have[unit] or c.estimated_of is None or not c.estimated_of[unit].any():
+        return bool(have[unit])
+    have[unit] = True
+    return not (c.estimated_of[~have].any(axis=0) & c.estimated_of[unit]).any()
 
 
 def is_significant(value: Float, covariance: Float) -> bool:
@@ -204,11 +223,10 @@ def _confirmed(
     result: BundleResult,
     t: _Significant,
     single: float,
-    accepted: Sequence[Key],
 ) -> Group | None:
     """The group, if it does harm and is significant by the residuals of its kind, and beyond single observations."""
     group = _group(block, adjusted, result, t)
-    if group.key in accepted or (single and t.joint.gain < single**2 + SEPARABLE):
+    if single and t.joint.gain < single**2 + SEPARABLE:
         return None
     change = moved(adjusted, result.observations[group.place].observed.records, group.rows, group.effect)
     group = with_change(block, result, group, change)

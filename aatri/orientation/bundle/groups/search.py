@@ -112,7 +112,7 @@ def search_with_groups(
             done = replace(done, notes=(*done.notes, Note("warning", SETS_OUT)))
     while len(groups) < MOST_GROUPS + len(carried):
         gain_root = largest_gain_root(done.result) if tests_in_use(done.result).max() > options.limit else 0.0
-        candidates = significant_groups(block, done.result, candidates_of, gain_root, [g.key for g in groups])
+        candidates = significant_groups(block, done.result, candidates_of, gain_root, groups)
         if candidates:
             candidates = beyond_exact(block, done.result, adjust, groups, candidates)
         trials = ((group, _carried(block, [*groups, group], single)) for group in candidates)
@@ -192,9 +192,7 @@ def _groups_before_single_errors(
     while result is not None and len(groups) < most:
         if tests_in_use(result).max() <= options.limit:
             break
-        candidates = significant_groups(
-            block, result, candidates_of, largest_gain_root(result), [g.key for g in groups]
-        )
+        candidates = significant_groups(block, result, candidates_of, largest_gain_root(result), groups)
         trials = [_adjusted_with(block, adjust, candidates_of, groups, g) for g in candidates]
         fits = [(g, r) for g, r in trials if r is not None and _explains_most(g, r, result, options.limit)]
         if not fits:
