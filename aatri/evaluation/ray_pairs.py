@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.geometry.collinearity import in_image_axes, project
@@ -46,8 +46,42 @@ class ModelRays:
     """(m, 2), mm."""
 
 
-def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> ModelRays | None:
-    """The models of a block and their points; None where it has none.
+@dataclass(frozen=True)
+class StereoPairs:
+    """Pairs of images that may be models, whose rays are corrected piece by piece: those of all take much memory."""
+
+    block: Block
+    solution: Solution
+    poses: Poses
+    xyz_m: Float
+    images: Int
+    """(k, 2)."""
+    begin: Int
+    """(n_images + 1,). First ray of each image."""
+    row: Int
+    """(n,). Rows of the rays among the residuals, by image and point."""
+
+    def rays(self, first: int = 0, last: int | None = None) -> ModelRays:
+        """The models among the pairs first ... last - 1, or all, with the rays of their common points."""
+        r, observed = self.solution.residuals, self.block.image_points
+        images, point = self.images[first:last], observed.point[r.row[self.row]]
+        start, *common = common_points(images, self.begin, point)
+        enough = np.diff(start) >= FEWEST
+        model = np.repeat(np.arange(np.count_nonzero(enough)), np.diff(start)[enough])
+        row = np.stack([self.row[ray] for ray in common], axis=1)[np.repeat(enough, np.diff(start))]
+        xy, sigma, c = np.empty((len(row), 2, 2)), np.empty((len(row), 2, 2)), np.empty((len(row), 2))
+        for k in (0, 1):
+            image, own = observed.image[r.row[row[:, k]]], row[:, k]
+            c[:, k] = self.solution.cameras.principal_distance_mm[self.block.images.camera[image]]
+            ground = self.xyz_m[observed.point[r.row[own]]]
+            u = in_image_axes(self.poses.position_m[image], self.poses.ground_from_image[image], ground)
+            xy[:, k], sigma[:, k] = project(u, c[:, k]) - r.residual[own, :2], r.sigma[own, :2]
+        left, right = images[enough].T
+        return ModelRays(left, right, model, observed.point[r.row[row[:, 0]]], xy, sigma, c)
+
+
+def stereo_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> StereoPairs | None:
+    """The pairs of a block that may be models; None where it has none.
 
     Corrected coordinates are those that the adjusted point would have, less the residual.
 
@@ -64,23 +98,26 @@ def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> M
     rows = r.used("image_point")
     rows = rows[r.row[rows] >= 0]
     image, point = block.image_points.image[r.row[rows]], block.image_points.point[r.row[rows]]
-    finite = np.isfinite(xyz_m[point]).all(axis=1) & np.isfinite(poses.position_m[image]).all(axis=1)
+    finite = finite_rows(xyz_m)[point] & finite_rows(poses.position_m)[image]
     finite &= np.isfinite(r.residual[rows, :2]).all(axis=1)
-    finite &= np.isin(block.cameras.distortion[block.images.camera[image]], CORRECTED)
+    finite &= np.isin(block.cameras.distortion, CORRECTED)[block.images.camera[image]]
     rows, image, point = rows[finite], image[finite], point[finite]
     if not len(rows):
         return None
     images = _candidates(block, image, point)
     base = np.linalg.norm(poses.position_m[images[:, 1]] - poses.position_m[images[:, 0]], axis=1)
     distance = np.median(np.linalg.norm(xyz_m[point] - poses.position_m[image], axis=1))
-    images = images[base > LEAST_BASE * distance]
-    images, model, both = _common(images, image, point)
-    if not len(images):
-        return None
-    c = solution.cameras.principal_distance_mm[block.images.camera[image]]
-    u = in_image_axes(poses.position_m[image], poses.ground_from_image[image], xyz_m[point])
-    xy, sigma = project(u, c) - r.residual[rows, :2], r.sigma[rows, :2]
-    return ModelRays(images[:, 0], images[:, 1], model, point[both[:, 0]], xy[both], sigma[both], c[both])
+    n_points = len(block.points)
+    seen, ray = np.unique(image.astype(np.int64) * n_points + point, return_index=True)
+    begin = np.searchsorted(seen, np.arange(len(block.images) + 1, dtype=np.int64) * n_points)
+    return StereoPairs(block, solution, poses, xyz_m, images[base > LEAST_BASE * distance], begin, rows[ray])
+
+
+def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> ModelRays | None:
+    """The models of a block and their points, as `stereo_pairs`; None where it has none."""
+    pairs = stereo_pairs(block, solution, poses, xyz_m)
+    rays = pairs.rays() if pairs is not None else None
+    return rays if rays is not None and len(rays.left) else None
 
 
 def model_axes(poses: Poses, rays: ModelRays) -> Float:
@@ -92,25 +129,6 @@ def model_axes(poses: Poses, rays: ModelRays) -> Float:
     length = np.linalg.norm(e3, axis=1, keepdims=True)
     e3 = np.where(length > ACROSS, e3 / np.where(length > 0, length, 1.0), np.nan)
     return np.stack([e1, np.cross(e3, e1), e3], axis=2)
-
-
-def _common(images: Int, image: Int, point: Int) -> tuple[Int, Int, Int]:
-    """Pairs of images that both see enough points, (k, 2); the model and the two rays of each such point, (m,), (m, 2).
-
-    Parameters
-    ----------
-    images : (n_pairs, 2) int
-    image, point : (n,) int
-        Of the rays.
-    """
-    n_points = int(point.max()) + 1
-    seen, ray = np.unique(image.astype(np.int64) * n_points + point, return_index=True)
-    begin = np.searchsorted(seen, np.arange(int(image.max()) + 2, dtype=np.int64) * n_points)
-    start, in_left, in_right = common_points(images, begin, point[ray])
-    enough = np.diff(start) >= FEWEST
-    common = np.repeat(enough, np.diff(start))
-    model = np.repeat(np.arange(np.count_nonzero(enough)), np.diff(start)[enough])
-    return images[enough], model, np.stack([ray[in_left], ray[in_right]], axis=1)[common]
 
 
 def _candidates(block: Block, image: Int, point: Int) -> Int:

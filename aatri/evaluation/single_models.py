@@ -14,7 +14,7 @@ Source: Kraus, Photogrammetry (y-parallaxes of oriented pairs); the quality modu
 """
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,11 +24,15 @@ from aatri.arrays import Float, Int, sums_of
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Evaluation, Figures, SingleModels
 from aatri.artifacts.solution import Solution
-from aatri.evaluation.ray_pairs import ModelRays, model_axes, ray_pairs
+from aatri.evaluation.ray_pairs import ModelRays, StereoPairs, model_axes, stereo_pairs
 from aatri.observations.poses import Poses
+from aatri.tables.schema import columns_of
 
 CHUNK = 4_000
 """Points restituted at once, which stay in the cache."""
+
+PAIRS_AT_ONCE = 500
+"""Pairs of images restituted by one thread at a time: some 100,000 points."""
 
 NEXT, AFTER = [1, 2, 0], [2, 0, 1]
 """Cyclic successors of the three coordinates, for the cofactors of a matrix."""
@@ -159,11 +163,9 @@ def single_models(
     compared : bool
         Check points are in the frame of the solution (`alignment.in_frame_of_check`).
     """
-    rays = ray_pairs(block, solution, poses, xyz_m)
-    if rays is None:
+    pairs = stereo_pairs(block, solution, poses, xyz_m)
+    if pairs is None:
         return None
-    X, w, parallax = intersected(poses, rays, xyz_m[rays.point])
-    X = to_block(X)
     reference = {role: np.full((len(block.points), 3), np.nan) for role in (CONTROL, CHECK)}
     for role, values in reference.items():
         values[block.ground_points.point] = np.where(
@@ -171,12 +173,31 @@ def single_models(
         )
     if not compared:
         reference[CHECK][:] = np.nan
-    known = {role: np.flatnonzero(np.isfinite(xyz).any(axis=1)[rays.point]) for role, xyz in reference.items()}
+    parts = dict[int, SingleModels]()
+
+    def restitute(first: int, last: int) -> None:
+        for k in range(first, last):
+            rays = pairs.rays(k * PAIRS_AT_ONCE, (k + 1) * PAIRS_AT_ONCE)
+            parts[k] = _restituted(pairs, rays, reference, to_block)
+
+    in_threads(-(-len(pairs.images) // PAIRS_AT_ONCE), restitute, worth=1)
+    columns = {name: [getattr(parts[k], name) for k in sorted(parts)] for name in columns_of(SingleModels)}
+    models = SingleModels(**{name: np.concatenate(values) for name, values in columns.items()}) if parts else None
+    return models if models is not None and len(models) else None
+
+
+def _restituted(
+    pairs: StereoPairs, rays: ModelRays, reference: Mapping[int, Float], to_block: Callable[[Float], Float]
+) -> SingleModels:
+    """Some models and what they are compared with: coordinates of control and check points, (n_points, 3) m."""
+    X, w, parallax = intersected(pairs.poses, rays, pairs.xyz_m[rays.point])
+    X = to_block(X)
+    known = {role: np.flatnonzero(np.isfinite(xyz[rays.point]).any(axis=1)) for role, xyz in reference.items()}
     off = {role: X[rows] - reference[role][rays.point[rows]] for role, rows in known.items()}
     n = len(rays.left)
     first = np.searchsorted(rays.model, np.arange(n + 1))
-    parts = [slice(int(a), int(b)) for a, b in itertools.pairwise(first)]
-    largest = [part.start + int(np.nan_to_num(np.abs(parallax[part]), nan=-1.0).argmax()) for part in parts]
+    size = np.nan_to_num(np.abs(parallax), nan=-1.0)
+    largest = np.array([a + int(size[a:b].argmax()) for a, b in itertools.pairwise(first.tolist())], dtype=np.int64)
 
     def of_models(values: Float, model: Int = rays.model) -> Float:
         """Root mean square of each column, model by model."""
@@ -189,18 +210,18 @@ def single_models(
         weights = np.isfinite(off[role]).any(axis=1)
         return np.bincount(rays.model[known[role]], weights=weights, minlength=n).astype(np.int32)
 
-    ids = block.images.id
-    base = poses.position_m[rays.right] - poses.position_m[rays.left]
+    ids, position_m = pairs.block.images.id, pairs.poses.position_m
+    base = position_m[rays.right] - position_m[rays.left]
     return SingleModels(
         left=ids[rays.left],
         right=ids[rays.right],
         points=np.bincount(rays.model, minlength=n).astype(np.int32),
         base_m=np.linalg.norm(base, axis=1),
         parallax_rms_um=1e3 * of_models(parallax[:, None])[:, 0],
-        parallax_max_um=1e3 * np.array([np.abs(parallax[k]) for k in largest]),
-        parallax_max_at=block.points.id[rays.point[largest]],
+        parallax_max_um=1e3 * np.abs(parallax[largest]),
+        parallax_max_at=pairs.block.points.id[rays.point[largest]],
         w_rms=of_models(w[:, None])[:, 0],
-        adjusted_rms_m=of_models(X - solution.points.xyz_m[rays.point]),
+        adjusted_rms_m=of_models(X - pairs.solution.points.xyz_m[rays.point]),
         control_points=count(CONTROL),
         control_rms_m=of_models(off[CONTROL], rays.model[known[CONTROL]]),
         check_points=count(CHECK),

@@ -144,6 +144,7 @@ def test_pieces_and_threads_change_no_model(chain: Chain, monkeypatch: pytest.Mo
     block = replace(chain.block, images=replace(images, strip=strip))
     at_once = evaluation(block, chain.bundle).models
     monkeypatch.setattr(single_models, "CHUNK", 7)
+    monkeypatch.setattr(single_models, "PAIRS_AT_ONCE", 2)
     monkeypatch.setattr(ray_pairs, "IMAGES_AT_ONCE", 2)
     monkeypatch.setattr(threads, "default_threads", lambda: 3)
     in_pieces = evaluation(block, chain.bundle).models
