@@ -26,7 +26,6 @@ from aatri.artifacts.evaluation import Evaluation, Figures, SingleModels
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.ray_pairs import ModelRays, StereoPairs, model_axes, stereo_pairs
 from aatri.observations.poses import Poses
-from aatri.tables.schema import columns_of
 
 CHUNK = 4_000
 """Points restituted at once, which stay in the cache."""
@@ -181,7 +180,7 @@ def single_models(
             parts[k] = _restituted(pairs, rays, reference, to_block)
 
     in_threads(-(-len(pairs.images) // PAIRS_AT_ONCE), restitute, worth=1)
-    columns = {name: [getattr(parts[k], name) for k in sorted(parts)] for name in columns_of(SingleModels)}
+    columns = {name: [getattr(parts[k], name) for k in sorted(parts)] for name in SingleModels.__dataclass_fields__}
     models = SingleModels(**{name: np.concatenate(values) for name, values in columns.items()}) if parts else None
     return models if models is not None and len(models) else None
 

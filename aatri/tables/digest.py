@@ -1,4 +1,4 @@
-"""Content digest: SHA-256 over a canonical walk of an artifact, independent of how HDF5 stores it.
+"""Whether two artifacts have the same content, and its digest: SHA-256 over a canonical walk, however HDF5 keeps it.
 
 Attributes and columns are visited in declared order; each contributes its path, dtype, shape and little-endian bytes,
 text its UTF-8 bytes with their lengths. Provenance columns (`digest=False`) do not count, so that a comment line
@@ -7,8 +7,10 @@ added to a CSV file changes no content.
 
 import hashlib
 import json
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from aatri.tables.schema import Artifact, Table, attributes_of, columns_of, tables_of
 from aatri.tables.utf8 import lengths_and_bytes
@@ -51,3 +53,25 @@ def table_digest(rows: Table) -> bytes:
                 little[np.isnan(little)] = np.nan
             digest.update(np.ascontiguousarray(little).reshape(-1).view(np.uint8).data)
     return digest.digest()
+
+
+def same_content(a: Artifact, b: Artifact) -> bool:
+    """Whether all attributes and columns of two artifacts of a kind are the same bits."""
+    cls = type(a)
+    pairs = [(np.array(getattr(a, name)), np.array(getattr(b, name))) for name in attributes_of(cls)]
+    for name in tables_of(cls):
+        one, other = getattr(a, name), getattr(b, name)
+        if (one is None) != (other is None):
+            return False
+        if one is not None:
+            pairs += [(getattr(one, c), getattr(other, c)) for c in columns_of(type(one))]
+    return all(_equal(*pair) for pair in pairs)
+
+
+def _equal(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> bool:
+    if a.shape != b.shape or a.dtype.kind == "U" or a.dtype != b.dtype:
+        return np.array_equal(a, b)
+    one, other = (np.ascontiguousarray(x).reshape(-1).view(np.uint8) for x in (a, b))
+    words = len(one) // 8 * 8
+    by_words = np.array_equal(one[:words].view(np.uint64), other[:words].view(np.uint64))
+    return by_words and np.array_equal(one[words:], other[words:])

@@ -7,8 +7,9 @@ Files are read through the guard (`hdf5_guard`): hard links only, nothing in oth
 bounded size; and with exactly the declared names.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -22,7 +23,7 @@ from aatri.arrays import Text
 from aatri.errors import ArtifactError, ResourceError
 from aatri.ids import did_you_mean
 from aatri.tables.checked_column import DTYPES
-from aatri.tables.digest import content_digest
+from aatri.tables.digest import content_digest, same_content
 from aatri.tables.hdf5_guard import guarded, scalar_of
 from aatri.tables.schema import (
     Artifact,
@@ -56,19 +57,21 @@ class Notes(Table):
 
 
 def write(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
-    """Write the artifact to a new file, read it back, and return its content digest.
+    """Write the artifact to a new file, read it back, and return its content digest; see `put` and `read_back`."""
+    digest = put(artifact, path, warnings)
+    read_back(artifact, path)
+    return digest
 
-    Parameters
-    ----------
-    warnings : sequence of str
-        What the stage warned of; kept beside the content.
+
+def put(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
+    """Write the artifact to a new file, with what its stage warned of, and return its content digest.
 
     Raises
     ------
     ResourceError
         If the file cannot be written whole (disk full, permission).
     """
-    try:
+    with _writing(path):
         in_memory = size_of(artifact) <= IN_MEMORY_BYTES
         driver = {"driver": "core", "backing_store": False} if in_memory else {}
         with ThreadPoolExecutor(1) as hashing, h5py.File(path, "w-", libver=_LIBVER, **driver) as file:
@@ -96,37 +99,32 @@ def write(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
         if in_memory:
             with path.open("xb") as plain:
                 plain.write(image)
-        with h5py.File(path, "r") as file:  # its own file, which holds what the guard lets pass
-            same = _same(artifact, _read(file, type(artifact), str(path)))
+    return digest
+
+
+def read_back(artifact: Artifact, path: Path) -> None:
+    """Compare a file that was just written with its artifact, bit by bit.
+
+    Raises
+    ------
+    ResourceError
+        If it differs, or cannot be read.
+    """
+    with _writing(path), h5py.File(path, "r") as file:  # its own file, which holds what the guard lets pass
+        same = same_content(artifact, _read(file, type(artifact), str(path)))
+    if not same:
+        raise ResourceError("reads back differently from what was written", where=str(path), remedy="check the disk")
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Errors of a disk as ResourceError."""
+    try:
+        yield
     except ArtifactError:
         raise
     except (OSError, RuntimeError) as error:  # h5py tells of a failed close as RuntimeError
         raise ResourceError(f"cannot write: {error}", where=str(path), remedy="free space or use --into") from error
-    if not same:
-        raise ResourceError("reads back differently from what was written", where=str(path), remedy="check the disk")
-    return digest
-
-
-def _same(a: Artifact, b: Artifact) -> bool:
-    """Whether all attributes and columns of two artifacts of a kind are the same bits."""
-    cls = type(a)
-    pairs = [(np.array(getattr(a, name)), np.array(getattr(b, name))) for name in attributes_of(cls)]
-    for name in tables_of(cls):
-        one, other = getattr(a, name), getattr(b, name)
-        if (one is None) != (other is None):
-            return False
-        if one is not None:
-            pairs += [(getattr(one, c), getattr(other, c)) for c in columns_of(type(one))]
-    return all(_equal(*pair) for pair in pairs)
-
-
-def _equal(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> bool:
-    if a.shape != b.shape or a.dtype.kind == "U" or a.dtype != b.dtype:
-        return np.array_equal(a, b)
-    one, other = (np.ascontiguousarray(x).reshape(-1).view(np.uint8) for x in (a, b))
-    words = len(one) // 8 * 8
-    by_words = np.array_equal(one[:words].view(np.uint64), other[:words].view(np.uint64))
-    return by_words and np.array_equal(one[words:], other[words:])
 
 
 def read(path: Path, cls: type[A], only: Collection[str] | None = None) -> A:

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from aatri.errors import ArtifactError
 from aatri.pipeline.store import inside
-from aatri.pipeline.store.cache import file_sha256
+from aatri.pipeline.store.cache import Cache, file_sha256, of_file, put_file
 from aatri.pipeline.store.inside import VARIANTS, on_disk, write_json
 from aatri.pipeline.store.records import ARTIFACT, SCHEMA, read_record, seal
 
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 A = TypeVar("A", bound="Artifact")
 
 OBJECTS, ITEMS, RECORD = "objects", "items", "record.json"
+
+_DIGESTS = Cache(None)
+"""Of the files that this process has written or read: one that has not changed since is not read again for it."""
 
 
 def base_of(run: Path) -> Path:
@@ -58,11 +62,15 @@ def commit_object(run: Path, stage: str, key: str, artifact: Artifact, record: M
         final = inside.path_of(base, *at, ARTIFACT)
         temporary = inside.temporary_name(final)
         try:
-            content_digest = hdf5.write(artifact, temporary, record.get("warnings", ()))
+            content_digest = hdf5.put(artifact, temporary, record.get("warnings", ()))
+            with ThreadPoolExecutor(1) as hashing:
+                digest = hashing.submit(file_sha256, temporary)
+                hdf5.read_back(artifact, temporary)
             inside.sync(temporary)
-            sha256, size = file_sha256(temporary), temporary.stat().st_size
+            sha256, size = digest.result(), temporary.stat().st_size
             temporary.replace(final)
             inside.sync(folder)
+            put_file(final.absolute(), _DIGESTS, sha256)
         finally:
             temporary.unlink(missing_ok=True)
         output = {
@@ -142,7 +150,7 @@ def load_object(run: Path, record: Mapping[str, Any], kind: type[A], in_memory: 
     from aatri.tables import hdf5
 
     path = artifact_of(run, record)
-    if file_sha256(path) != record["output"]["sha256"]:
+    if of_file(path.absolute(), _DIGESTS, file_sha256) != record["output"]["sha256"]:
         raise ArtifactError(
             "altered since it was written: its SHA-256 is not that of its record",
             where=str(path),
