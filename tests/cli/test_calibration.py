@@ -34,6 +34,25 @@ def test_parameters_of_single_images_are_counted(capsys: pytest.CaptureFixture[s
     assert parameter_units(of_images)[1] == "m/s"
 
 
+def test_parameters_of_a_camera_have_the_units_of_its_model(capsys: pytest.CaptureFixture[str]) -> None:
+    """`brown` is a polynomial in mm, `opencv` one in normalised coordinates; c of a set is a change of that given."""
+    solution = full_solution()
+    metric, forward = ("principal_distance", "as", "k1", "k3", "p1"), ("principal_distance", "q", "k1", "k6", "p1")
+    parameters = replace(
+        solution.parameters,
+        group=["camera"] * 10 + ["additional"],
+        object=["metric"] * 5 + ["forward"] * 5 + ["metric"],
+        name=[*metric, *forward, "c"],
+        value=[0.5] * 11,
+        sigma=[0.1] * 11,
+    )
+    solution = replace(solution, parameters=parameters, parameter_covariances=None)
+    units = ["mm", "1", "mm^-2", "mm^-6", "mm^-1", "mm", "1", *["1 (normalised)"] * 3]
+    assert parameter_units(solution)[:10] == units
+    say_parameters(parameter_summary("bundle", solution))
+    assert "metric c (change)" in capsys.readouterr().out
+
+
 def test_strong_correlations_are_named(capsys: pytest.CaptureFixture[str]) -> None:
     solution = full_solution()
     c = solution.parameter_covariances

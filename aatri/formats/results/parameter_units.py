@@ -1,8 +1,14 @@
-"""Units of the parameters in a Solution, for headers and reports."""
+"""Units of the parameters in a Solution, for headers and reports.
+
+Of a camera's own model those of `brown`, the one with an affinity `as`, are of mm; the others are of normalised
+coordinates (docs/formats.md).
+"""
 
 from aatri.artifacts.solution import Solution
+from aatri.camera.parameters.brown import BROWN_CONRADY
 from aatri.camera.parameters.catalogue import SETS, parameter_set
 from aatri.camera.parameters.parameter_set import ParameterSet
+from aatri.observations.poses import CAMERA
 
 _BY_NAME = {
     **dict.fromkeys(("principal_distance", "principal_point.x", "principal_point.y", "c", "x0", "y0"), "mm"),
@@ -21,6 +27,9 @@ _BY_NAME = {
     **{f"shift {angle}": "rad" for angle in ("omega", "phi", "kappa", "roll", "pitch", "heading")},
 }
 
+NORMALISED = "1 (normalised)"
+_OF_BROWN = dict(zip(BROWN_CONRADY.parameters, BROWN_CONRADY.units))
+
 
 def parameter_units(solution: Solution) -> list[str]:
     """Unit of each row of the parameters; empty where it depends on what the Solution does not tell."""
@@ -28,7 +37,19 @@ def parameter_units(solution: Solution) -> list[str]:
     sets = solution.calibrated_sets
     for name in set() if sets is None else set(sets.set.tolist()):
         known |= _units_of_set(str(name), solution)
-    return [known.get(str(name), "") for name in solution.parameters.name]
+    p = solution.parameters
+    own, in_mm = p.group == CAMERA, set(p.object[(p.group == CAMERA) & (p.name == "as")].tolist())
+    return [
+        _of_model(name, in_mm=of in in_mm) if is_own else known.get(name, "")
+        for is_own, of, name in zip(own.tolist(), p.object.tolist(), p.name.tolist())
+    ]
+
+
+def _of_model(name: str, *, in_mm: bool) -> str:
+    """Unit of a parameter of a camera's own model."""
+    if name in _BY_NAME or name in ("as", "q"):
+        return _BY_NAME.get(name, "1")
+    return _OF_BROWN[name] if in_mm else NORMALISED
 
 
 def _units_of_set(name: str, solution: Solution) -> dict[str, str]:

@@ -20,6 +20,8 @@ STRONG = 0.5
 """Correlations below this are left out."""
 OF_IMAGES = ("film", "velocity")
 """Groups whose parameters are those of single images: hundreds, which are counted."""
+CHANGES = ("c", "x0", "y0")
+"""Of a set beside the camera's own: changes of what is given, as are all parameters of a set."""
 MOST_ROWS, HARDLY_SEPARATED = 40, 0.9
 """Of parameters and correlations on the first page."""
 
@@ -45,7 +47,7 @@ def parameter_summary(stage: str, solution: Solution) -> dict[str, Any]:
         return {}
     texts = [
         (
-            f"{p.object[k]} {p.name[k]}",
+            f"{p.object[k]} {p.name[k]}{' (change)' * (p.name[k] in CHANGES)}",
             *(("removed", "", units[k]) if removed[k] else estimate(float(p.value[k]), float(p.sigma[k]), units[k])),
         )
         for k in rows[:MOST_ROWS]
