@@ -7,7 +7,7 @@ an angle turns its sign. X is east or longitude, whatever the order of the colum
 
 Headers are matched without case, unit in brackets and remark sign. A column called `name`, `label` or `id` is of images
 where there are angles or its names end as image files do, else of points. `x` and `y` of a list of images and points
-without heights are image coordinates.
+without heights are image coordinates, in pixels, or in millimetres (`x_mm`, `x [mm]`) from the image centre, y up.
 
 Sources: ArcGIS Reality documentation, coordinate system conventions (omega-phi-kappa, UltraMap's y, x, z); manuals of
 the programs named on the page of formats.
@@ -15,7 +15,8 @@ the programs named on the page of formats.
 
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 from aatri.codes import CHECK, CONTROL, NO_ROLE
@@ -83,12 +84,18 @@ ROLES = {
 WORDS = [word for word in SAME if word != "name"]
 
 
+IN_IMAGE = re.compile(r"(s?[xy])_(px|mm|um)(\??)")
+"""Image coordinates and their standard deviations, with their unit."""
+
+
 class ListColumns(NamedTuple):
     """The columns of a list in their order; unit and system of its angles, None where they do not say."""
 
     words: tuple[str, ...]
     angle: str | None = None
     rotation: str | None = None
+    in_image: Mapping[str, str] = MappingProxyType({})
+    """Units of x, y, sx and sy where they are said: px, mm or um."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -153,7 +160,9 @@ def columns_named(text: str) -> ListColumns:
     """
     if text in PRESETS:
         return PRESETS[text].columns
-    columns = ListColumns(tuple(re.split(r"[\s,;]+", text.strip())))
+    stated = re.split(r"[\s,;]+", text.strip())
+    units = {part[1]: part[2] for word in stated if (part := IN_IMAGE.fullmatch(word))}
+    columns = ListColumns(tuple(IN_IMAGE.sub(r"\1\3", word) for word in stated), in_image=units)
     for word, name in zip(columns.words, columns.names):
         if name != "-" and name not in WORDS:
             what = f"columns: {word!r} is no column and no preset{did_you_mean(name, [*WORDS, *PRESETS])}"
@@ -195,6 +204,8 @@ def _word(cell: str) -> str:
     text = re.sub(r"[(\[][^)\]]*[)\]]", "", cell.lstrip("#")).strip(" \t\"'")
     if text in WORDS:
         return text
+    if part := IN_IMAGE.fullmatch(text.lower()):
+        return part[1]
     plain = unicodedata.normalize("NFKD", text.lower()).encode("ascii", "ignore").decode()
     short = re.sub(r"[^a-z0-9]", "", plain)
     word = _called(short)

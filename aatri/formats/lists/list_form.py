@@ -2,6 +2,7 @@
 
 import csv
 import re
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
@@ -18,12 +19,16 @@ UNITS = re.compile(r"\(\s*position in (\w+),\s*orientation in (deg|grad|gon|rad)
 """The line of units that Applanix writes above its list."""
 UNIT_WORDS = {"m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m", "s": "s", "sec": "s", "seconds": "s",
               "deg": "deg", "degree": "deg", "degrees": "deg", "gon": "gon", "grad": "gon", "rad": "rad", "px": "px",
-              "pixel": "px"}  # fmt: skip
-"""Units as a row below the header names them."""
+              "pixel": "px", "pixels": "px", "mm": "mm", "um": "um", "\u00b5m": "um", "cm": "cm", "km": "km",
+              "ft": "ft", "feet": "ft"}  # fmt: skip
+"""Units as a row below the header names them, or a name in it."""
 OF_COLUMN = {**dict.fromkeys(("X", "Y", "Z", "sX", "sY", "sZ", "sXY"), ("m",)), "time": ("s",),
-             **dict.fromkeys(("x", "y"), ("px",)), **dict.fromkeys(("longitude", "latitude"), ("deg",)),
+             **dict.fromkeys(("x", "y"), ("px", "mm")), **dict.fromkeys(("sx", "sy"), ("px", "mm", "um")),
+             **dict.fromkeys(("longitude", "latitude"), ("deg",)),
              **dict.fromkeys(chain(*ANGLES.values()), ("deg", "gon", "rad"))}  # fmt: skip
 """Units that a column may have."""
+UNIT_OF_NAME = re.compile(r"(?:_|[(\[]\s*)([^\W\d_]+)\s*[)\]]?$")
+"""The unit at the end of the name of a column: `x_mm`, `x [mm]`."""
 FEWEST, MOST = 3, 200
 """Columns that a list has at least, and names that a line may have to be its header."""
 MOST_BEFORE = 50
@@ -100,9 +105,18 @@ def in_units_of(row: TextLine, columns: ListColumns) -> ListColumns | None:
             continue
         if stated not in OF_COLUMN[name]:
             raise row.error(f"{name} in {unit}", f"export it in {' or '.join(OF_COLUMN[name])}")
-        if len(OF_COLUMN[name]) > 1:
+        if name in ("x", "y", "sx", "sy"):
+            columns = columns._replace(in_image={**columns.in_image, name: stated})
+        elif len(OF_COLUMN[name]) > 1:
             columns = columns._replace(angle=stated)
     return columns
+
+
+def in_units_of_names(heading: TextLine, columns: ListColumns) -> ListColumns:
+    """The columns in the units that their names in the header end with."""
+    ends = (UNIT_OF_NAME.search(name.strip().lower()) for name in heading.words)
+    units = [end[1] if end and end[1] in UNIT_WORDS else "" for end in ends]
+    return in_units_of(replace(heading, words=units), columns) or columns
 
 
 def in_stated_units(columns: ListColumns, lines: list[str], path: Path) -> ListColumns:

@@ -18,6 +18,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.codes import APPROXIMATE_VALUE, CONTROL, NO_ROLE, OBSERVED_VALUE
 from aatri.errors import InputError
+from aatri.formats.conventions.pixel_origins import PHOTO_MM
 from aatri.formats.conventions.poses import LEAST_ORTHOGONAL, rotation_of_carrier
 from aatri.formats.lists.list_columns import ANGLES, PRESETS, ROLES, ROTATION, ListColumns, columns_named
 from aatri.formats.lists.list_form import (
@@ -26,6 +27,7 @@ from aatri.formats.lists.list_form import (
     header_cells,
     in_stated_units,
     in_units_of,
+    in_units_of_names,
     proposed,
     separator_of,
     stated_crs,
@@ -80,7 +82,10 @@ def read_list(
             f"say `columns`: one of {', '.join(PRESETS)}, or the columns in their order, `image X Y Z omega phi kappa`"
         )
         raise InputError(what, where=f"{path}:1", remedy=remedy)
-    columns = form.columns
+    columns, heading = form.columns, lines[form.header - 1]
+    header = header_cells(heading, separator_of(heading, len(columns.words))) if stated is None else []
+    if header:
+        columns = in_units_of_names(TextLine(header, path, form.header), columns)
     rows = list[TextLine]()
     for k, text in enumerate(lines[form.header :], form.header + 1):
         if text.strip() and not text.lstrip().startswith("#"):
@@ -95,8 +100,6 @@ def read_list(
                 columns = in_units
     if not rows:
         raise InputError("no rows below the header", where=f"{path}:{form.header}", remedy="put the data in")
-    heading = lines[form.header - 1]
-    header = header_cells(heading, separator_of(heading, len(columns.words))) if stated is None else []
     unread = [name for name, word in zip(header, columns.words) if word == "-"]
     named = form if stated is None else proposed(lines)
     parts = _Rows(in_stated_units(columns, lines, path), rows, reading).parts(path, lines, named.header if named else 0)
@@ -169,6 +172,8 @@ class _Rows:
         above = enumerate(lines[: self.rows[0].line - 1], 1)
         before = [" ".join(text.split()) for k, text in above if text.strip() and k != header]
         skipped = [f"not read, before the first row: {clipped(' | '.join(before), 200)}"] if before else []
+        if "mm" in self.columns.in_image.values():
+            angles = ", image coordinates in mm from the image centre, y up"
         read = [f"columns read as {' '.join(self.columns.words)}{angles}"]
         return [*read, *(f"line {row.line}: {text}" for row, text in zip(first, shown)), *skipped]
 
@@ -189,9 +194,16 @@ class _Rows:
         xy = self.numbers("x", "y")
         if (bad := np.flatnonzero(np.isnan(xy).any(axis=1))).size:
             raise self.rows[int(bad[0])].error("no image coordinates", "give x and y, or remove the row")
+        units = [self.columns.in_image.get(name, "px") for name in ("x", "y")]
+        if units[0] != units[1]:
+            raise self.rows[0].error(f"x in {units[0]} and y in {units[1]}", "give both in px or in mm")
+        if units[0] == "mm":
+            parts.pixel_axes = PHOTO_MM
         parts.image_points = {"image": self.texts("image"), "point": self.texts("point"), "xy": xy, **at}
         if "sx" in self.at:
-            parts.image_points["sigma_px"] = self.numbers("sx", "sy" if "sy" in self.at else "sx")
+            unit = self.columns.in_image.get("sx", units[0])
+            sigma = self.numbers("sx", "sy" if "sy" in self.at else "sx")
+            parts.image_points["sigma_px" if unit == "px" else "sigma_mm"] = sigma * (1e-3 if unit == "um" else 1.0)
 
     def _ground(self, parts: BlockParts, chosen: list[int], xyz: Float, sigma: Float, at: dict[str, list[int]]) -> None:
         points = self.texts("point")
