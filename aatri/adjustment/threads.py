@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import lru_cache, partial
 from itertools import pairwise
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -85,3 +85,20 @@ def taken(values: npt.NDArray[Scalar], order: Int) -> npt.NDArray[Scalar]:
 
     in_threads(len(order), part)
     return ordered
+
+
+def by_rows(work: Callable[..., npt.NDArray[np.float64]], *columns: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """`work(*columns)`, each row of which follows from that row of the columns alone: in several threads.
+
+    The pieces are those of any number of threads, and so are the bits.
+    """
+    n = len(columns[0])
+    pieces: list[npt.NDArray[np.float64]] = [np.empty(0)] * max(-(-n // WORTH_A_THREAD), 1)
+
+    def some_pieces(first: int, last: int) -> None:
+        for k in range(first, last):
+            rows = slice(k * WORTH_A_THREAD, (k + 1) * WORTH_A_THREAD)
+            pieces[k] = work(*(column[rows] for column in columns))
+
+    in_threads(len(pieces), some_pieces, worth=1)
+    return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)

@@ -4,6 +4,7 @@ import numpy as np
 
 from aatri.adapters.interior.film_marks import pixel_matrix
 from aatri.adapters.solution import stacked, suspect_rows
+from aatri.adjustment.threads import by_rows
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import (
@@ -43,8 +44,8 @@ def image_points_of(
     measured = block.image_points
     camera, row = block.images.camera[measured.image], np.full(len(block.images), -1)
     row[interior.image] = np.arange(len(interior))
-    photo = measured_to_photo(interior, row[measured.image], measured.xy)
-    matrix = np.concatenate([interior.matrix, np.full((1, 2, 3), np.nan)])[row[measured.image]]
+    photo = by_rows(lambda image, xy: measured_to_photo(interior, row[image], xy), measured.image, measured.xy)
+    shares = _shares_of_axes(np.concatenate([interior.matrix, np.full((1, 2, 3), np.nan)])[row])
     active = measured.active & np.isfinite(photo).all(axis=1)
     allowed = half_format_of(block)[camera] * (1 + margin)
     outside = active & (np.abs(photo) > allowed).any(axis=1)
@@ -63,7 +64,7 @@ def image_points_of(
             image=measured.image,
             point=measured.point,
             xy_mm=photo - principal_point,
-            sigma_mm=_sigma_along_photo_axes(matrix, measured.sigma_mm),
+            sigma_mm=by_rows(lambda image, s: _along(shares[image], s), measured.image, measured.sigma_mm),
             active=active,
         ),
         interior=interior,
@@ -123,9 +124,14 @@ def half_format_of(block: Block) -> Float:
     return half_format_mm(cameras.kind == "digital", cameras.format, cameras.pixel_size_mm)
 
 
-def _sigma_along_photo_axes(matrix: Float, sigma_mm: Float) -> Float:
+def _shares_of_axes(matrix: Float) -> Float:
+    """Shares of the variances of u and v in those of x and y, (n, 2, 2), image by image."""
     squares = np.where(np.isfinite(matrix[:, :, :2]), matrix[:, :, :2], np.eye(2)) ** 2
-    share = squares / (squares[:, :, :1] + squares[:, :, 1:])
+    return np.asarray(squares / (squares[:, :, :1] + squares[:, :, 1:]))
+
+
+def _along(share: Float, sigma_mm: Float) -> Float:
+    """Standard deviations along the axes of the photo, (n, 2) mm."""
     return np.asarray(np.sqrt(np.einsum("nij,nj->ni", share, sigma_mm**2)))
 
 

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, triu
 from scipy.sparse.csgraph import connected_components
 
-from aatri.arrays import Bool, Int, Text
+from aatri.adjustment.threads import by_rows, taken
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.errors import InputError
@@ -128,6 +129,10 @@ def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> ImagePairs
     start, a, b = common_points(images, first, m.point[rows])
     pair, a, b = np.repeat(np.arange(len(left)), np.diff(start)), rows[a], rows[b]
     c_mm = block.cameras.principal_distance_mm[block.images.camera]
+
+    def rays(image: Int, row: Int) -> Float:
+        return np.column_stack([m.xy_mm[row], -c_mm[image]])
+
     return ImagePairs(
         left,
         right,
@@ -136,10 +141,10 @@ def pairs_of(block: Block, image_points: ImagePoints, images: Int) -> ImagePairs
         a.astype(np.int32),
         b.astype(np.int32),
         RayPairs(
-            np.column_stack([m.xy_mm[a], -c_mm[left[pair]]]),
-            np.column_stack([m.xy_mm[b], -c_mm[right[pair]]]),
-            m.sigma_mm[a],
-            m.sigma_mm[b],
+            by_rows(lambda k, row: rays(left[k], row), pair, a),
+            by_rows(lambda k, row: rays(right[k], row), pair, b),
+            taken(m.sigma_mm, a),
+            taken(m.sigma_mm, b),
         ),
     )
 

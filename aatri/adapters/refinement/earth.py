@@ -6,6 +6,7 @@ What the block does not tell enough for is left out, and told with its size: the
 import numpy as np
 
 from aatri.adapters.refinement.heights import Stations
+from aatri.adjustment.threads import by_rows
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.camera.corrections.atmosphere import Atmosphere, constant_of
@@ -37,9 +38,12 @@ def earth_correction(
     what, notes = name.replace("_", " "), list[Note]()
 
     def corrected(rows: Int | Bool | slice, station_m: Float, terrain_m: float, level: Float | None = None) -> Float:
-        if name == "refraction":
-            return refraction_correction(xy_mm[rows], constant_of(atmosphere, station_m, terrain_m), c[rows], level)
-        return earth_curvature_correction(xy_mm[rows], station_m - terrain_m, c[rows], level)
+        def one(xy: Float, station: Float, distance: Float, *axes: Float) -> Float:
+            if name == "refraction":
+                return refraction_correction(xy, constant_of(atmosphere, station, terrain_m), distance, *axes)
+            return earth_curvature_correction(xy, station - terrain_m, distance, *axes)
+
+        return by_rows(one, xy_mm[rows], station_m, c[rows], *([] if level is None else [level]))
 
     above_terrain, rays = above[image] > 0, stations.by_rays[image]
     if above_terrain.all() and not rays.any():  # the usual case

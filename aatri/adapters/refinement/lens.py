@@ -1,7 +1,10 @@
 """Lens distortion of the cameras of a block."""
 
+from functools import partial
+
 import numpy as np
 
+from aatri.adjustment.threads import by_rows
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.camera.models.distortion import Distortion, corner_points, corrected
@@ -32,10 +35,14 @@ def lens_correction(block: Block, image: Int, xy_mm: Float) -> tuple[Float, tupl
         of_camera = camera == k
         try:
             notes += _checked_corners(block, int(k), distortion)
-            correction[of_camera] = corrected(distortion, xy_mm[of_camera]) - xy_mm[of_camera]
+            correction[of_camera] = by_rows(partial(_correction, distortion), xy_mm[of_camera])
         except AatriError as error:
             raise type(error)(error.what, where=f"camera {block.cameras.id[k]}", remedy=error.remedy) from error
     return correction, tuple(notes)
+
+
+def _correction(distortion: Distortion, xy_mm: Float) -> Float:
+    return corrected(distortion, xy_mm) - xy_mm
 
 
 def distortion_of(block: Block, camera: int) -> Distortion:

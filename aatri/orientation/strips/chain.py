@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adjustment.threads import in_threads
+from aatri.adjustment.threads import by_rows, in_threads
 from aatri.arrays import Float, Int
 from aatri.orientation.strips.joints import WORTH_A_THREAD, JointTable, ModelTable
 from aatri.orientation.strips.kernels.means import means
@@ -65,7 +65,11 @@ def form_strips(
     place[order], strip[order], m[order] = np.arange(len(order)), strip_of_model, scale
     R[order], X0[order] = of_model, position[in_model]
     of_row = models.of_row()
-    placed = X0[of_row] + m[of_row][:, None] * (R[of_row] @ models.xyz[:, :, None])[:, :, 0]
+
+    def in_strip(model: Int, xyz: Float) -> Float:
+        return np.asarray(X0[model] + m[model][:, None] * (R[model] @ xyz[:, :, None])[:, :, 0])
+
+    placed = by_rows(in_strip, of_row, models.xyz)
     use = strip[of_row] >= 0
     rejected = ~joints.active & np.isin(joints.of_row(), used)
     use[joints.first_row[rejected]] = use[joints.second_row[rejected]] = False

@@ -22,7 +22,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from aatri.adjustment.threads import in_threads, items_between
+from aatri.adjustment.threads import by_rows, in_threads, items_between, taken
 from aatri.arrays import Bool, Float, Int, ranges
 from aatri.orientation.strips.kernels.joints import join
 from aatri.orientation.strips.kernels.log_scale import log_scales
@@ -247,9 +247,10 @@ def _spreads(models: ModelTable, joints: JointTable) -> Float:
     across, depth = np.column_stack([-b[:, 1], b[:, 0], np.zeros(len(b))]), np.tile([0.0, 0.0, 1.0], (len(b), 1))
     joint_1, row_1 = _rows_of(models.start, joints.first)
     joint_2, row_2 = _rows_of(models.start, joints.second)
-    from_right, R = models.xyz[row_1] - models.base[joints.first][joint_1], models.left_from_right[joints.first]
+    base, R = models.base[joints.first], models.left_from_right[joints.first]
+    from_right = by_rows(lambda row, joint: models.xyz[row] - base[joint], row_1, joint_1)
     first = _places(from_right, joint_1, (R @ across[:, :, None])[:, :, 0], R[:, :, 2])
-    second = _places(models.xyz[row_2], joint_2, across, depth)
+    second = _places(taken(models.xyz, row_2), joint_2, across, depth)
     of_all = _extents(np.concatenate([first, second]), np.concatenate([joint_1, joint_2]), len(b))
     used = joints.of_row()[joints.active]
     of_used = _extents(_places(models.xyz[joints.second_row[joints.active]], used, across, depth), used, len(b))
@@ -258,7 +259,11 @@ def _spreads(models: ModelTable, joints: JointTable) -> Float:
 
 def _places(xyz: Float, joint: Int, across: Float, depth: Float) -> Float:
     """Coordinates along the axes across over those along the depths of the joints, (n,)."""
-    return np.asarray((xyz * across[joint]).sum(axis=1) / np.abs((xyz * depth[joint]).sum(axis=1)))
+
+    def quotient(xyz: Float, joint: Int) -> Float:
+        return np.asarray((xyz * across[joint]).sum(axis=1) / np.abs((xyz * depth[joint]).sum(axis=1)))
+
+    return by_rows(quotient, xyz, joint)
 
 
 def _extents(place: Float, joint: Int, n: int) -> Float:
