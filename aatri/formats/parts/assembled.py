@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from aatri.arrays import Float, Text
-from aatri.artifacts.block import Block, DistortionTable, Frames
+from aatri.artifacts.block import Block, DistortionTable
 from aatri.artifacts.builder import block_of
 from aatri.camera.models.brown import PARAMETERS as BROWN
 from aatri.camera.models.calibration import INTERIOR
@@ -22,10 +22,10 @@ from aatri.formats.conventions.pixel_origins import PHOTO_MM, PIXEL_MM, PixelAxe
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.joined import JoinedParts, joined
 from aatri.formats.parts.not_stated import DEFAULTS, NotStated, stated_frame
+from aatri.formats.parts.of_block import columns_of_frame
 from aatri.formats.parts.one_frame import block_frame, in_frame
 from aatri.formats.parts.rows import KINDS, Rows, place, rows_of
 from aatri.frames.conversion import Frame
-from aatri.frames.heights import is_tangent_frame
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import rows_of as rows_in
 from aatri.ids import several, shown
@@ -60,6 +60,12 @@ def assembled(
         for note in parts.notes:
             reporter.log(f"{parts.files[0]}: {note}")
     frame = block_frame(list(sources), frame or stated_frame(not_stated.crs, not_stated.vertical))
+    if len(sources) == 1 and (parts := sources[0]).ground_points and "geodetic" in parts.others and not parts.images:
+        points = {n: v for n, v in rows_of(parts, "ground_points").items() if n in columns_of(KINDS["ground_points"])}
+        name = not_stated.name or parts.name or parts.format
+        return block_of(
+            name=name, files=parts.files, ground_points=points, **columns_of_frame(frame) | dict(parts.others)
+        )
     tables = joined([in_frame(parts, frame, reporter) for parts in sources], reporter)
     _give_cameras(tables)
     _count_from_camera(tables)
@@ -78,7 +84,7 @@ def assembled(
     return block_of(
         name=not_stated.name or sources[0].name or sources[0].format,
         files=tables.files,
-        **(by_kind | ({} if "frames" in others else _of_frame(frame)) | others),
+        **(by_kind | ({} if "frames" in others else columns_of_frame(frame)) | others),
     )
 
 
@@ -141,12 +147,6 @@ def _pixel_mm(tables: JoinedParts, images: Text) -> Float:
     }
     of_image = {str(name): of_camera[str(camera)] for name, camera in zip(rows["id"], rows["camera"])}
     return np.array([of_image[str(name)] for name in images]).reshape(-1, 2)
-
-
-def _of_frame(frame: Frame) -> dict[str, Any]:
-    cartesian = frame.crs == "local" or is_tangent_frame(frame.crs) or set(frame.axes) == {"x", "y", "z"}
-    frames = Frames.of(id=frame.name, axes=",".join(frame.axes), crs=frame.crs, vertical=frame.vertical)
-    return {"frames": frames, "earth_curvature": "ignore" if cartesian else "frame"}
 
 
 def _give_cameras(tables: JoinedParts) -> None:

@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from aatri.artifacts.block import TRUTH, Block
+from aatri.artifacts.block import TRUTH, Block, Frames
 from aatri.formats.parts.block_parts import LOCAL, BlockParts
 from aatri.formats.parts.rows import KINDS
 from aatri.frames.conversion import Frame
+from aatri.frames.heights import is_tangent_frame
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.tables.schema import columns_of, tables_of
 
@@ -52,6 +53,13 @@ def frame_of(block: Block) -> Frame:
         return LOCAL
     right_handed = tuple(axes) if set(axes) == {"x", "y", "z"} else ("east", "north", "up")
     return Frame(str(block.frames.id[0]), right_handed, crs, str(block.frames.vertical[0]))
+
+
+def columns_of_frame(frame: Frame) -> dict[str, Any]:
+    """What a Block says of its frame."""
+    cartesian = frame.crs == "local" or is_tangent_frame(frame.crs) or set(frame.axes) == {"x", "y", "z"}
+    frames = Frames.of(id=frame.name, axes=",".join(frame.axes), crs=frame.crs, vertical=frame.vertical)
+    return {"frames": frames, "earth_curvature": "ignore" if cartesian else "frame"}
 
 
 def _by_ids(block: Block, table: str) -> dict[str, Any]:

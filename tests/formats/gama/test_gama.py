@@ -6,10 +6,12 @@ import math
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from aatri.artifacts.block import Block
+from aatri.cli.main import app
 from aatri.errors import AatriError
-from tests.reading import read_gama
+from tests.reading import read_block, read_gama
 from tests.stages.hand_block import Heard
 
 NETWORK = """<?xml version="1.0" encoding="utf-8"?>
@@ -152,3 +154,15 @@ def test_observations_to_points_that_are_not_listed_are_told_and_kept(tmp_path: 
     assert block.geodetic.active.all()
     assert "P" in block.points.id
     assert any("no <point>" in text and "P" in text for text in heard.warned)
+
+
+def test_a_network_is_written_as_tables_that_read_the_same(tmp_path: Path) -> None:
+    path, folder = tmp_path / "network.gkf", tmp_path / "tables"
+    path.write_text(NETWORK)
+    outcome = CliRunner().invoke(app, ["convert", str(path), str(folder), "--to", "tables"])
+    assert outcome.exit_code == 0, outcome.stderr
+    given, again = read_gama(path), read_block(folder)
+    assert again.geodetic.type.tolist() == given.geodetic.type.tolist()
+    assert again.geodetic.value.tolist() == pytest.approx(given.geodetic.value.tolist(), rel=1e-14)
+    assert again.geodetic_covariances.value.tolist() == pytest.approx(given.geodetic_covariances.value.tolist())
+    assert again.ground_points.role.tolist() == given.ground_points.role.tolist()
