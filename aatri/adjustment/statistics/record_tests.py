@@ -28,9 +28,9 @@ import numpy as np
 from aatri.adjustment.kernels.record_tests import test_records
 from aatri.adjustment.records import Records
 from aatri.adjustment.statistics.reliability import UNCONTROLLED
-from aatri.adjustment.threads import in_threads
+from aatri.adjustment.threads import by_rows, in_threads
 from aatri.adjustment.unknowns import State
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, finite_rows
 
 
 @dataclass(frozen=True)
@@ -116,14 +116,8 @@ def uncontrolled_directions(redundancy: Float, observed: Bool, whitener: Float) 
     direction : (k, m) float64
         The direction, of length 1 in units of the observation, its largest component positive; zero where not observed.
     """
-    complete = np.asarray(observed.any(axis=1) & np.isfinite(redundancy).all(axis=(1, 2)))
-    candidates = np.flatnonzero(complete)
-    used = observed[candidates]
-    R = np.where(used[:, :, None] & used[:, None, :], redundancy[candidates], np.eye(redundancy.shape[1]))
-    R = 0.5 * (R + R.swapaxes(1, 2))
-    doubtful = ~(_least_bound(R) > BELOW)
-    candidates = candidates[doubtful]
-    values, vectors = np.linalg.eigh(R[doubtful])
+    candidates = np.flatnonzero(~(by_rows(_least_bound, redundancy, observed) > BELOW))
+    values, vectors = np.linalg.eigh(_of_observed(redundancy[candidates], observed[candidates]))
     open_direction = values[:, 0] < BELOW
     rows = candidates[open_direction]
     direction = np.where(observed[rows], vectors[open_direction, :, 0], 0.0)
@@ -133,15 +127,23 @@ def uncontrolled_directions(redundancy: Float, observed: Bool, whitener: Float) 
     return rows, values[open_direction, 0], direction / (np.where(largest < 0, -1.0, 1.0) * length)[:, None]
 
 
-def _least_bound(R: Float) -> Float:
-    """The smallest eigenvalue of matrices without negative ones is at least det ((m - 1) / trace)^(m - 1).
+def _of_observed(redundancy: Float, observed: Bool) -> Float:
+    """Redundancy matrices, symmetric, with 1 for what is not observed."""
+    R = np.where(observed[:, :, None] & observed[:, None, :], redundancy, np.eye(redundancy.shape[1]))
+    return 0.5 * (R + R.swapaxes(1, 2))
 
-    That is enough for the many records that are well controlled.
+
+def _least_bound(redundancy: Float, observed: Bool) -> Float:
+    """A bound of the smallest eigenvalue from below, which is enough for the many records that are well controlled.
+
+    That of matrices without negative ones is at least det ((m - 1) / trace)^(m - 1). NaN of records without one.
     """
+    known = finite_rows(redundancy) & observed.any(axis=1)
+    R = np.where(known[:, None, None], _of_observed(redundancy, observed), np.nan)
     m, trace = R.shape[1], np.einsum("nii->n", R)
     det = R[:, 0, 0] * R[:, 1, 1] - R[:, 0, 1] ** 2 if m == 2 else np.linalg.det(R)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(det * ((m - 1) / trace) ** (m - 1))
+        return np.where(known, det * ((m - 1) / trace) ** (m - 1), np.inf)
 
 
 def _in_units(direction: Float, whitener: Float, observed: Bool) -> Float:

@@ -12,6 +12,7 @@ from aatri.adjustment.statistics.leave_one_out import gains_of_leaving_out
 from aatri.adjustment.statistics.limits import SINGLE_LIMIT
 from aatri.adjustment.statistics.tau import tau_limit
 from aatri.adjustment.statistics.variance_components import ESTIMABLE
+from aatri.adjustment.threads import by_rows
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
 from aatri.orientation.bundle.block import BundleInput
@@ -68,9 +69,13 @@ def tests_of(observations: AdjustedObservations, state: State) -> Float:
     """Largest |w| of the components of each record of one kind, (n,); NaN without test, see `record_tests`."""
     test = np.full(len(observations.observed), np.nan)
     if len(observations.rows) and not (observations.observed.exact or observations.observed.components):
-        v, r = residuals_and_redundancy(observations, state, observations.rows)
-        w = np.where(r > 0, np.abs(v) / np.sqrt(np.where(r > 0, r, 1.0)), -1.0).max(axis=1)
-        test[observations.rows] = np.where(w >= 0, w, np.nan)
+
+        def largest_w(rows: Int) -> Float:
+            v, r = residuals_and_redundancy(observations, state, rows)
+            w = np.where(r > 0, np.abs(v) / np.sqrt(np.where(r > 0, r, 1.0)), -1.0).max(axis=1)
+            return np.where(w >= 0, w, np.nan)
+
+        test[observations.rows] = by_rows(largest_w, observations.rows)
     return test
 
 
@@ -94,11 +99,17 @@ def residuals_and_redundancy(observations: AdjustedObservations, state: State, r
     control may be far more precise than the block predicts it.
     """
     records = observations.observed.records
-    v, used = whitened_residuals(records, state, rows), records.active[rows][:, None]
-    r = 1.0 + np.where(used, -1.0, 1.0) * np.einsum("nii->ni", observations.covariance[rows])
     most = 1.0 / CONTROLLED if is_ray(observations.observed) else np.inf
-    is_controlled = np.where(used, r > CONTROLLED, r < most)
-    return v, np.where(records.observed_components()[rows] & is_controlled, r, 0.0)
+    observed = records.observed_components()
+
+    def both(rows: Int) -> Float:
+        v, used = whitened_residuals(records, state, rows), records.active[rows][:, None]
+        r = 1.0 + np.where(used, -1.0, 1.0) * np.einsum("nii->ni", observations.covariance[rows])
+        is_controlled = np.where(used, r > CONTROLLED, r < most)
+        return np.stack([v, np.where(observed[rows] & is_controlled, r, 0.0)])
+
+    v, r = by_rows(both, rows, axis=1)
+    return v, r
 
 
 def gains_of(observations: AdjustedObservations, state: State, rows: Int) -> Float:
