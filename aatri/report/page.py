@@ -11,7 +11,9 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -79,10 +81,10 @@ def write_report(run: Path, angles: str = "", in_memory: Mapping[str, Any] = {})
     angles = angles or angles_of(run)
     with angles_in(angles):
         seen, around = seen_in(run, in_memory)
-        page, sections = first_page(seen, around), questions(seen, around)
-        html = render(seen, around, page, sections)
-    pictures = {section.name: [picture.name for picture in section.pictures] for section in sections}
-    text = json.dumps(OURS_AS_JSON | {"angles": angles} | page | {"pictures": pictures}, indent=1)
+        contents = contents_of(seen, around)
+        html = render(seen, around, contents)
+    pictures = {answer.name: [picture.name for picture in answer.pictures] for answer in contents.answers}
+    text = json.dumps(OURS_AS_JSON | {"angles": angles} | contents.first_page | {"pictures": pictures}, indent=1)
     pages = {"report.html": html, "report.json": f"{text}\n"}
     for name, text in pages.items():
         with on_disk(run / name):
@@ -128,23 +130,35 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
+@dataclass(frozen=True)
+class Contents:
+    """What a page says."""
+
+    first_page: dict[str, Any]
+    answers: Sequence[PageSection]
+    """To the questions that follow the first page."""
+    stages: Sequence[tuple[StageView, PageSection]]
+
+
+def contents_of(run: RunView, around: Surroundings, *, stages: bool = True) -> Contents:
+    """What the page of a run says; of its stages, where they are asked for, in a thread of their own."""
+    with ThreadPoolExecutor(1) as beside:
+
+        def of_stages() -> list[tuple[StageView, PageSection]]:
+            return [(stage, section(run, stage, around)) for stage in run.stages if stages]
+
+        coming = beside.submit(copy_context().run, of_stages)  # which knows in what angles are told
+        page, answers = first_page(run, around), questions(run, around)
+        return Contents(page, answers, coming.result())
+
+
 def render(
-    run: RunView,
-    around: Surroundings,
-    page: Mapping[str, Any],
-    sections: Sequence[PageSection],
-    *,
-    printed: bool = False,
-    summary: bool = False,
+    run: RunView, around: Surroundings, contents: Contents, *, printed: bool = False, summary: bool = False
 ) -> str:
     """The page as text.
 
     Parameters
     ----------
-    page : mapping
-        What `first_page` says.
-    sections : sequence of PageSection
-        What follows it: `questions`.
     printed : bool
         For paper: long tables are open.
     summary : bool
@@ -152,8 +166,7 @@ def render(
     """
     environment = _environment()
     script = environment.get_template("script.js").render()
-    if summary:
-        sections = [s.in_short() for s in sections if s.name in OF_SUMMARY]
+    answers = [s.in_short() for s in contents.answers if s.name in OF_SUMMARY] if summary else contents.answers
     return environment.get_template("report.html").render(
         name=around.block.name if around.block else run.folder.resolve().name,
         run=run,
@@ -161,13 +174,13 @@ def render(
         started=run.overview.get("started", ""),
         total=seconds(sum(float(s.record.get("seconds") or 0.0) for s in run.stages if s.record)),
         software=_software(run.stages),
-        page=page,
+        page=contents.first_page,
         failures=[s for s in run.stages if s.failure is not None],
         classes=around.classes,
         gates=_gates(run),
-        sections=sections,
-        names={s.name: s.title for s in sections},
-        stages=[] if summary else [(stage, section(run, stage, around)) for stage in run.stages],
+        sections=answers,
+        names={s.name: s.title for s in answers},
+        stages=[] if summary else contents.stages,
         environments=_environments(run.stages),
         colours=list(COLOURS),
         script=Markup(script),  # ours, and the policy knows its digest

@@ -136,10 +136,11 @@ def _of_observed(redundancy: Float, observed: Bool) -> Float:
 def _least_bound(redundancy: Float, observed: Bool) -> Float:
     """A bound of the smallest eigenvalue from below, which is enough for the many records that are well controlled.
 
-    That of matrices without negative ones is at least det ((m - 1) / trace)^(m - 1). NaN of records without one.
+    That of matrices without negative ones is at least det ((m - 1) / trace)^(m - 1).
+    Infinite where nothing is observed or known.
     """
     known = finite_rows(redundancy) & observed.any(axis=1)
-    R = np.where(known[:, None, None], _of_observed(redundancy, observed), np.nan)
+    R = _of_observed(np.where(known[:, None, None], redundancy, np.eye(redundancy.shape[1])), observed)
     m, trace = R.shape[1], np.einsum("nii->n", R)
     det = R[:, 0, 0] * R[:, 1, 1] - R[:, 0, 1] ** 2 if m == 2 else np.linalg.det(R)
     with np.errstate(invalid="ignore", divide="ignore"):
