@@ -45,10 +45,9 @@ class SystematicOptions(Options):
 
 
 def _uses(options: SystematicOptions) -> tuple[str, ...]:
-    """What is switched off leaves what it would be made of."""
+    """What is switched off leaves what it would be made of; a curvature that is switched off is left out knowingly."""
     of_terrain = ("images.strip", "terrain_height") if options.refraction or options.earth_curvature else ()
-    curvature = ("earth_curvature:correct",) if options.earth_curvature else ()
-    return (*of_terrain, *curvature, *(("cameras.distortion",) if options.distortion else ()))
+    return (*of_terrain, "earth_curvature:correct", *(("cameras.distortion",) if options.distortion else ()))
 
 
 @stage(version=2, uses=_uses)
