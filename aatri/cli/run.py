@@ -23,7 +23,7 @@ from aatri.cli.arguments.options import (
     Variant,
     Verify,
 )
-from aatri.cli.terminal.console import narrate, reports_errors, say_json, show_in_browser
+from aatri.cli.terminal.console import is_terminal, narrate, reports_errors, say_json, show_in_browser
 from aatri.ids import several
 
 if TYPE_CHECKING:
@@ -140,11 +140,13 @@ def run(
         raise SpecError("--jobs beside --cluster", remedy="a cluster has the number of its workers")
     running = {"jobs": jobs, "cluster": cluster, "keep_going": keep_going, "verify": verify, "lock": not no_lock}
     running["in_memory"] = {}  # stages that variants share stay in memory, and are not read again by each
+    warnings: list[tuple[str, str]] = []
     records, report = carry_out(
-        opened, selection, running, quiet=quiet or json, verbose=verbose, debug=debug, open_=open_
+        opened, selection, running, quiet=quiet or json, verbose=verbose, debug=debug, open_=open_, warnings=warnings
     )
     verdicts = judge(opened.spec, records, selection.stages)
-    _say_outcome(opened.spec.run, records, report, verdicts, as_json=json)
+    above = warnings if sys.stdout.isatty() and is_terminal() else []
+    _say_outcome(opened.spec.run, records, report, verdicts, above, as_json=json)
     if open_ and report is not None:
         show_in_browser(report)
     failed = failure_of(verdicts)
@@ -185,7 +187,13 @@ def _opened(request: Request, *, quiet: bool, background: bool) -> Opened:
 
 
 def _say_outcome(
-    folder: Path, records: list[dict[str, Any]], report: Path | None, verdicts: Sequence[Verdict], *, as_json: bool
+    folder: Path,
+    records: list[dict[str, Any]],
+    report: Path | None,
+    verdicts: Sequence[Verdict],
+    above: Sequence[tuple[str, str]],
+    *,
+    as_json: bool,
 ) -> None:
     if as_json:
         gates = [verdict.plain() for verdict in verdicts]
@@ -193,7 +201,7 @@ def _say_outcome(
     else:
         from aatri.cli.run_ending import say_end
 
-        say_end(folder, records, report, verdicts)
+        say_end(folder, records, report, verdicts, above)
 
 
 def carry_out(
@@ -205,8 +213,9 @@ def carry_out(
     debug: bool,
     verbose: bool = False,
     open_: bool = False,
+    warnings: list[tuple[str, str]] | None = None,
 ) -> tuple[list[dict[str, Any]], Path | None]:
-    """Run; whatever ends it, write the report and say how to go on."""
+    """Run; whatever ends it, write the report and say how to go on. `warnings` takes those that are told meanwhile."""
     from aatri.cli.terminal.narrator import Narrator
     from aatri.errors import AatriError, ResourceError, SpecError
     from aatri.pipeline.run.runner import RunSettings, run_pipeline
@@ -225,6 +234,8 @@ def carry_out(
     try:
         with Narrator(quiet, opened.compilation, verbose=verbose) as narrator:
             records = run_pipeline(opened.spec, opened.nodes, narrator, settings)
+            if warnings is not None:
+                warnings += narrator.warnings
     except BaseException as error:
         began = events.exists() and events.stat().st_size != before
         if isinstance(error, AatriError) and began and not isinstance(error, SpecError | ResourceError):

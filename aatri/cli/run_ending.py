@@ -18,7 +18,13 @@ MOST_WARNINGS = 10
 """So many are shown at the end; the report has all."""
 
 
-def say_end(folder: Path, records: Sequence[Mapping[str, Any]], report: Path | None, gates: Sequence[Any]) -> None:
+def say_end(
+    folder: Path,
+    records: Sequence[Mapping[str, Any]],
+    report: Path | None,
+    gates: Sequence[Any],
+    above: Sequence[tuple[str, str]] = (),
+) -> None:
     """The result of a run.
 
     Parameters
@@ -29,6 +35,8 @@ def say_end(folder: Path, records: Sequence[Mapping[str, Any]], report: Path | N
         Of its stages.
     report : Path, optional
     gates : sequence of Verdict
+    above : sequence of (stage, warning)
+        What stands above on the same terminal, and is counted.
     """
     from aatri.cli.terminal.figures import say_result
 
@@ -37,7 +45,7 @@ def say_end(folder: Path, records: Sequence[Mapping[str, Any]], report: Path | N
     say_parameters(page.get("parameters", {}))
     say()
     text = page.get("judgement", "")
-    _say_problems(page.get("problems", ()), text, refused=not all(gate.passed for gate in gates))
+    _say_problems(page.get("problems", ()), text, above, refused=not all(gate.passed for gate in gates))
     if gates:
         say(f"gates   {sum(gate.passed for gate in gates)} of {len(gates)} passed")
     say(f"run     {folder}")
@@ -61,15 +69,19 @@ def _first_page(report: Path) -> dict[str, Any]:
     return page if isinstance(page, dict) and "judgement" in page else {}
 
 
-def _say_problems(problems: Sequence[Mapping[str, str]], judged: str, *, refused: bool) -> None:
+def _say_problems(
+    problems: Sequence[Mapping[str, str]], judged: str, above: Sequence[tuple[str, str]], *, refused: bool
+) -> None:
     """Warnings that bear on the result, as the first page has them.
 
     They went by with their stages, or were there already; what the judgement or the error of a gate says is left to it.
     """
+    narrated = _in_words(above) if above else set()
     texts = [
         f"warning: {problem['stage']}: {problem['text']}"
         for problem in problems
         if problem["stage"]
+        and (problem["stage"], problem["text"]) not in narrated
         and not _is_in_judgement(problem["text"], judged)
         and not (refused and CONTRADICTION in problem["text"])
     ]
@@ -77,8 +89,17 @@ def _say_problems(problems: Sequence[Mapping[str, str]], judged: str, *, refused
         say(text)
     if len(texts) > MOST_WARNINGS:
         say(f"{several(len(texts) - MOST_WARNINGS, 'more warning')}, in the report")
-    if texts:
+    if above:
+        say(f"{several(len(above), 'warning')} above")
+    if texts or above:
         say()
+
+
+def _in_words(warnings: Sequence[tuple[str, str]]) -> set[tuple[str, str]]:
+    """Stages and warnings as the first page has them."""
+    from aatri.report.problems import in_words
+
+    return {(stage, in_words(text)) for stage, text in warnings}
 
 
 def _is_in_judgement(text: str, judged: str) -> bool:

@@ -210,14 +210,18 @@ def test_the_end_names_once_what_bears_on_the_result(tmp_path: Path, capsys: pyt
         {"text": f"{CONTRADICTION}: x", "stage": "bundle"},
         {"text": "GCP27 is left out.", "stage": "bundle"},
         {"text": "sigma0: too large", "stage": ""},
-        {"text": "two fit exchanged", "stage": "bundle"},
+        {"text": "Two fit exchanged", "stage": "bundle"},
     ]
     page = {"judgement": "Good but one. GCP27 is left out.", "problems": problems}
     (tmp_path / "report.json").write_text(json.dumps(page))
-    for passed, told in ((True, [f"{CONTRADICTION}: x", "two fit exchanged"]), (False, ["two fit exchanged"])):
+    for passed, told in ((True, [f"{CONTRADICTION}: x", "Two fit exchanged"]), (False, ["Two fit exchanged"])):
         say_end(tmp_path, [record], tmp_path / "report.html", [SimpleNamespace(passed=passed)])
         lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warning")]
         assert lines == [f"warning: bundle: {text}" for text in told]
+    say_end(tmp_path, [record], tmp_path / "report.html", [], [("bundle", "two fit exchanged"), ("start", "far")])
+    out = capsys.readouterr().out
+    assert "Two fit exchanged" not in out
+    assert "2 warnings above" in out
 
 
 def test_a_list_of_which_the_judgement_names_the_worst_is_not_told_again(

@@ -52,6 +52,7 @@ class Narrator:
 
     def __init__(self, quiet: bool, compilation: Compilation | None = None, *, verbose: bool = False) -> None:
         self._quiet, self._compilation, self._verbose = quiet, compilation, verbose
+        self.warnings: list[tuple[str, str]] = []
         self._live: Live | None = None
         self._under_way: dict[str, _UnderWay] = {}
         self._heads: dict[str, str] = {}
@@ -106,6 +107,7 @@ class Narrator:
 
     def warned(self, stage: str, message: str) -> None:
         """Warnings are shown even when quiet."""
+        self.warnings.append((stage, message))
         self._say(f"warning: {stage}: {message}", "yellow")
 
     def advanced(self, stage: str, done: int, total: int, what: str) -> None:
