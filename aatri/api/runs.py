@@ -207,7 +207,8 @@ def run_pipeline(
     cluster : str or distributed.Client
         Stages on a Dask cluster: `tcp://HOST:PORT`, `local:WORKERS`, `local:WORKERS:MEMORY`, or a client.
     quiet : bool
-        Without narration, but for warnings; else a bar and a line per stage, in a notebook below the cell.
+        Without narration, but for warnings and what is compiled, once; else a bar and a line per stage, in a notebook
+        below the cell.
 
     Raises
     ------
@@ -225,7 +226,7 @@ def run_pipeline(
 
     path = written(pipeline) if isinstance(pipeline, Mapping) else Path(pipeline)
     request = Request(str(path), str(into or ""), tuple(set), tuple(use), variant, local_plugins)
-    opened = open_request(request, quiet=quiet)
+    opened = open_request(request)
     settings = runner.RunSettings(
         command="aatri.run", source=opened.source, request=opened.request.plain(), cluster=cluster
     )

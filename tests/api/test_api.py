@@ -111,6 +111,16 @@ TABLES = {
 XY = [[0.0, 3.0], [1.0, 4.0], [2.0, -5.0], [3.0, 3.0], [4.0, -4.0], [5.0, 5.5]]
 
 
+def test_what_is_compiled_is_told_though_the_run_is_quiet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first run takes half a minute for it."""
+    quiet_of: list[bool] = []
+    monkeypatch.setattr("aatri.cli.arguments.planning._compilation", lambda *_, quiet: quiet_of.append(quiet) and None)
+    (tmp_path / "p.yaml").write_text("run: out\nstages:\n  block: {use: block/tables, with: {path: nowhere}}\n")
+    with pytest.raises(InputError):
+        aatri.run(tmp_path / "p.yaml")
+    assert quiet_of == [False]
+
+
 def test_a_block_of_arrays_is_what_a_folder_with_the_same_tables_is() -> None:
     block = aatri.block(SETTINGS, **TABLES)
     assert block.images.id.tolist() == ["1", "2"]
