@@ -178,7 +178,7 @@ def test_a_full_disk_leaves_no_artifact(tmp_path: Path, monkeypatch: pytest.Monk
         raise full
 
     if step == "write":
-        monkeypatch.setattr(hdf5, "write", fails)
+        monkeypatch.setattr(hdf5, "put", fails)
     elif step == "replace":
         monkeypatch.setattr(inside, "sync", lambda path: fails() if path.suffix == ".h5" else None)
     else:
