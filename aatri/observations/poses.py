@@ -27,6 +27,9 @@ ADDITIONAL = "additional"
 CAMERA = "camera"
 """Names of the groups of unknowns."""
 
+NO_TURN_RAD = 3e-5
+"""A turn t moves nothing by more than t^2 / 2 of its distance beside the tangent: by 5e-10 of the block's extent."""
+
 GOES_WITH = 0.5
 """Points go with a common turn of the images if their own differs from it by less than this share of it."""
 
@@ -128,6 +131,8 @@ class CommonTurn:
         if not images.any() or not points.any():
             return dict(after)
         t = step[POSE][images, 3:].mean(axis=0)
+        if np.linalg.norm(t) < NO_TURN_RAD:
+            return dict(after)
         x, dx = (v[points] - np.median(v[points], axis=0) for v in (before[POINT], step[POINT]))
         turned = np.cross(t, x)
         share = np.median((dx * turned).sum(axis=1) / np.maximum((turned**2).sum(axis=1), np.finfo(float).tiny))
