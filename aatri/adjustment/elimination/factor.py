@@ -105,7 +105,8 @@ class Factored:
     is_chord: bool = False
     """The factor is that of an earlier state; see `stepping.chord`."""
     joint: JointSolution | None = None
-    """Of a part: what all parts together give; `cost` is theirs."""
+    root: tuple[Float, Float, Float] | None = None
+    """Of a part: what all parts together give, `cost` is theirs; front of its root with gradient and diagonal."""
 
     @property
     def decrease(self) -> float:

@@ -50,7 +50,7 @@ def joined(
     x[columns] = reply.x
     down_the_tree(problem.tree, factored.factor.all_panels, x[:, None])
     factored.factor = Factor(factored.factor.panels, x)
-    factored.cost, factored.joint = reply.cost, reply
+    factored.cost, factored.joint, factored.root = reply.cost, reply, front
     factored.diagonal[columns] = reply.diagonal
     return factored
 

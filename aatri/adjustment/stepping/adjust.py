@@ -105,6 +105,7 @@ def adjust_large(
     stated = Problem(tuple(unknowns), tuple(records), tuple(constraints))
     here, notes = _begun(stated, settings, start, stiff, reporter)
     linear, joint_veto = _is_linear(here, settings.others), _veto_of_all(veto, settings.others)
+    chord = allows_chord(here.problem)
     kept = KeptIterations(settings.checkpoint, start)
     history = list[Step]()
     redundancy = counts(here.problem)[2]
@@ -129,7 +130,7 @@ def adjust_large(
                 continue
         if _gives_up(history, iteration, settings.max_iterations):
             break
-        by_chord = allows_chord(problem) and _is_near(history)
+        by_chord = chord and _is_near(history)
         if not by_chord:
             factored.factor.clear()  # no later use; the next factorisation needs the room
         here = following(here, trial, step, joint_veto, reporter, by_chord=by_chord)

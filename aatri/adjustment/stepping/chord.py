@@ -18,6 +18,7 @@ import numpy as np
 from aatri.adjustment.elimination.chunks import linearised, side_by_side
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.elimination.fronts import own_normals
+from aatri.adjustment.elimination.joint import joined
 from aatri.adjustment.elimination.panels import up_the_tree
 from aatri.adjustment.elimination.schedule import Stretch, in_shares
 from aatri.adjustment.kernels.gradient import reduced_gradient
@@ -29,9 +30,10 @@ from aatri.arrays import Float
 
 
 def allows_chord(problem: IndexedProblem) -> bool:
-    """Whether the gradient alone changes from step to step: one process, no constraints, no weights that move."""
-    beside = problem.constraints or problem.settings.others is not None or problem.iterative is not None
-    return not beside and all(r.loss is None and r.normal is None for r in problem.records)
+    """Whether the gradient alone changes from step to step, in all parts: no constraints, no weights that move."""
+    moves = any(r.loss is not None or r.normal is not None for r in problem.records)
+    beside, others = bool(problem.constraints) or problem.iterative is not None or moves, problem.settings.others
+    return not beside if others is None else others.total(float(beside)) == 0.0
 
 
 def on_earlier_factor(problem: IndexedProblem, earlier: Factored, state: State) -> Factored:
@@ -61,9 +63,22 @@ def on_earlier_factor(problem: IndexedProblem, earlier: Factored, state: State) 
         up_the_tree(problem.tree, earlier.factor.all_panels, gradient[:, None])
     y = [gradient[node.columns[: node.panel]] for node in problem.tree.nodes]
     block_factor, block_y, determined = factors
-    return replace(
-        earlier, y=y, block_factor=block_factor, block_y=block_y, determined=determined, cost=cost, is_chord=True
+    new = replace(
+        earlier,
+        y=y,
+        block_factor=block_factor,
+        block_y=block_y,
+        determined=determined,
+        cost=cost,
+        is_chord=True,
+        joint=None,
     )
+    if problem.settings.others is None:
+        return new
+    root = (
+        None if earlier.root is None else (earlier.root[0], gradient[problem.tree.nodes[-1].columns], earlier.root[2])
+    )
+    return joined(problem, new, root, problem.settings.others)
 
 
 def _of_rays(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained
+from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination.backsolve import steps
 from aatri.adjustment.elimination.factor import Factored
 from aatri.adjustment.loss import Huber
@@ -16,6 +17,7 @@ from aatri.adjustment.stepping.chord import allows_chord, on_earlier_factor
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.unknowns import retract_state
 from tests.adjustment.block_problem import joined_problem, made_problem, shared_problem
+from tests.adjustment.parts.test_parts import SETTINGS, SIZE, _joint, _same
 
 
 @pytest.mark.parametrize("made", [made_problem, shared_problem, joined_problem])
@@ -70,3 +72,23 @@ def test_constraints_and_losses_take_a_factorisation_a_step() -> None:
     unknowns, records, _ = made_problem()
     assert allows_chord(prepare(unknowns, records))
     assert not allows_chord(prepare(unknowns, [replace(r, loss=Huber(2.0)) for r in records]))
+
+
+@pytest.mark.slow(after=1)
+def test_chord_steps_of_parts_are_those_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the whole's steps from the same factors: equal long before the optimum is reached to nine digits."""
+    chords: list[Factored] = []
+
+    def counted(problem, earlier, state):
+        chords.append(on_earlier_factor(problem, earlier, state))
+        return chords[-1]
+
+    monkeypatch.setattr("aatri.adjustment.stepping.iteration.on_earlier_factor", counted)
+    monkeypatch.setattr(solve, "QUICK", 0.1)
+    unknowns, records, start = problem = made_problem(1, **SIZE)
+    whole = solve.adjust_large(unknowns, records, start, settings=replace(SETTINGS, tolerance=1e-2))
+    in_the_whole = len(chords)
+    in_parts = _joint(problem, 3, tolerance=1e-2)
+    assert len(chords) == 4 * in_the_whole > 0
+    assert [s.decrement for s in in_parts.history] == pytest.approx([s.decrement for s in whole.history], rel=1e-7)
+    _same(in_parts, whole, marginal_covariances(whole))
