@@ -124,8 +124,13 @@ def refuse_singular(problem: IndexedProblem, state: State) -> None:
         raise OpenError(f"the observations leave unknowns open: {combination}", remedy="", combinations=[combination])
 
 
-def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: int) -> None:
+def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: int, falling: str = "") -> None:
     """Raise if a problem that did not converge is singular, or within a factor of ten of the limits.
+
+    Parameters
+    ----------
+    falling : str
+        What there is to say where it might yet converge.
 
     Raises
     ------
@@ -141,7 +146,7 @@ def refuse_nearly_singular(problem: IndexedProblem, state: State, iterations: in
     names = [f"{u.name} {u.ids[int(k)]}" for u, blocks in zip(problem.unknowns, open_blocks) for k in blocks]
     texts = (*open_.texts, *map(OpenCombination, names), *open_.nearly)
     replace(open_, count=len(texts), texts=texts[:MOST_NAMED], more=0).refuse(
-        f"no convergence in {iterations} iterations: "
+        f"no convergence in {iterations} iterations: {falling}{'; ' * bool(falling)}"
     )
 
 

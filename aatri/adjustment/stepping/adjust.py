@@ -38,6 +38,7 @@ from aatri.adjustment.stepping.iteration import (
     following,
     goes_on,
     refuse_unusable,
+    still_falling,
     with_runaways_slowed,
 )
 from aatri.adjustment.stepping.kept_iterations import KeptIterations
@@ -142,7 +143,7 @@ def adjust_large(
             kept.keep(here, history, notes)
     if settings.others is not None:
         raise NotInParts(f"no convergence in {len(history)} iterations")
-    refuse_nearly_singular(here.problem, here.state, len(history))
+    refuse_nearly_singular(here.problem, here.state, len(history), still_falling(history))
     raise ConvergenceError(_failure(records, here.state, len(history), history[-1]), remedy=advice_after(history))
 
 

@@ -123,13 +123,17 @@ def goes_on(history: Sequence[Step]) -> bool:
 
 def advice_after(history: Sequence[Step]) -> str:
     """What to do after too few iterations: go on where v'v still falls."""
+    nearer = "or start nearer (`from: initial`, parameters from the data sheet or held at first)"
+    return f"{falling}, {nearer}" if (falling := still_falling(history)) else ADVICE
+
+
+def still_falling(history: Sequence[Step]) -> str:
+    """That v'v still falls, and what to do then; empty where it does not."""
     if not falls(history):
-        return ADVICE
+        return ""
     share = 100 * (1.0 - history[-1].cost / history[-1 - LATELY].cost)
-    return (
-        f"the sum of squares still falls, by {share:.2g} % in the last {LATELY} iterations: allow more "
-        "(`max_iterations`), or start nearer (`from: initial`, parameters from the data sheet or held at first)"
-    )
+    what = f"the sum of squares still falls, by {share:.2g} % in the last {LATELY} iterations"
+    return f"{what}: allow more (`max_iterations`)"
 
 
 def _cost(here: IterationState, state: State, cost: float) -> float:
