@@ -125,7 +125,7 @@ def _bent(chain: Chain, of_each_um: float, of_first_um: float) -> tuple[str, ...
 @pytest.mark.slow
 def test_what_all_images_have_makes_none_of_them_a_group(flown: Chain) -> None:
     """An affinity of some 3 um in every image, sigma 1 to 2 um, is a rough lens; one of 40 um is of that image."""
-    assert not [text for text in _bent(flown, 3.0, 3.0) if "of image" in text or "neighbourhood" in text]
+    assert not [text for text in _bent(flown, 3.0, 3.0) if "points of image" in text or "neighbourhood" in text]
     first = flown.block.images.id[0]
     assert any(f"image points of image {first} ask for an affinity" in text for text in _bent(flown, 3.0, 40.0))
 
