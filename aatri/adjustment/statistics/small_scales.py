@@ -53,10 +53,12 @@ def small_class_scale(v: Float, R: Float, record: Int, gain_of_others: float = 0
     cost = (np.log(variance) + z2 / variance).sum(axis=1)
     best = int(cost.argmin())
     gain = float(cost[0] - cost[best])
-    too_small = _SCALES[best] > 1.0
-    if gain <= LIMIT or (too_small and gain <= max(gain_of_others - SEPARABLE, _gain_of_gross_errors(v, R, record))):
+    scale = float(_SCALES[best])
+    if gain <= LIMIT or (
+        scale > 1.0 and gain <= max(gain_of_others - SEPARABLE, _gain_of_gross_errors(v, R, record, scale))
+    ):
         return 1.0, float(size.sum())
-    return float(_SCALES[best]), float((_SCALES[best] ** 2 * size / variance[best]).sum())
+    return scale, float((scale**2 * size / variance[best]).sum())
 
 
 def may_differ(v: Float, redundancy: Float, record: Int, gain_of_others: float) -> bool:
@@ -83,11 +85,11 @@ def _beyond_chance(g: Float, M: Float) -> float:
     return float(explained - chdtri(max(np.count_nonzero(seen), 1), ALARM))
 
 
-def _gain_of_gross_errors(v: Float, R: Float, record: Int) -> float:
+def _gain_of_gross_errors(v: Float, R: Float, record: Int, scale: float) -> float:
     """What the gross errors of one, two or three records explain, less what chance would: the largest.
 
     Each is asked for by itself; that the largest is chosen is not charged, in favour of gross errors. Infinite where
-    without one nothing tests the others: it explains all there is.
+    without one nothing tests the others, with standard deviations of this scale: it explains all there is.
     """
     numbers = np.unique(record)
     of_records = [np.flatnonzero(record == k) for k in numbers]
@@ -99,11 +101,17 @@ def _gain_of_gross_errors(v: Float, R: Float, record: Int) -> float:
         candidates = [other for other in candidates if record[other[0]] != record[rows[0]]]
         total += gain
         most = max(most, total)
-        if count == 0 and np.trace(_without(R, np.flatnonzero(record == record[rows[0]]))[1]) < UNTESTED:
+        if count == 0 and _redundancy(_without(R, np.flatnonzero(record == record[rows[0]]))[1], scale) < UNTESTED:
             return np.inf
         by, R = _without(R, rows)
         v = v - by @ v[rows]
     return most
+
+
+def _redundancy(R: Float, scale: float) -> float:
+    """Of residuals of the cofactor R, with standard deviations of a scale."""
+    size = np.linalg.eigvalsh(R)
+    return float((scale**2 * size / (1.0 + (scale**2 - 1.0) * size))[size > 1e-9].sum())
 
 
 def _without(R: Float, rows: Int) -> tuple[Float, Float]:

@@ -15,9 +15,9 @@ from aatri.orientation.bundle.blunders.tested_block import TestedBlock, gains_of
 from aatri.orientation.bundle.complete_start import robust_intersections
 from aatri.orientation.bundle.result import BundleResult
 
-DOUBT = 6.0
-"""|w| up to which records that nothing tells apart stay, and are named: the harm is small, and one of them, of a
-control point perhaps, is as good as the others."""
+DOUBT = 1.5
+"""By how many standard deviations beyond their limit records that nothing tells apart stay, and are named: the harm is
+small, and one of them, of a control point perhaps, is as good as the others."""
 
 MOST_ATTRIBUTIONS = 3
 
@@ -116,11 +116,12 @@ class Rejections:
         if not move:
             explanation = explanation.decided_by_block(_gains(explanation, result))
         rows = self.all.first[explanation.members.place] + explanation.members.row
-        largest = np.zeros(len(points))
-        np.maximum.at(largest, explanation.members.block, np.where(active, np.nan_to_num(test), np.inf)[rows])
+        beyond = np.zeros(len(points))
+        excess = np.where(active, np.nan_to_num((test - self.options.limit) * tails), np.inf)
+        np.maximum.at(beyond, explanation.members.block, excess[rows])
         unclear = np.zeros(len(points), dtype=bool)
         unclear[explanation.members.block[explanation.undecided]] = True
-        ambiguous = unclear & (largest <= max(DOUBT, self.options.limit))
+        ambiguous = unclear & (beyond <= DOUBT)
         self.doubtful[points] = ambiguous
         certain = ~ambiguous[explanation.members.block]
         wrong[rows[explanation.out & certain]] = True

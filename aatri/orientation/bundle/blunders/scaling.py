@@ -108,10 +108,18 @@ class Classes:
         """Classes of kinds of too little redundancy, (g,)."""
         return np.asarray(np.bincount(self.kind, scales.redundancy)[self.kind] < ESTIMABLE)
 
-    def of_small_kinds(self, scales: ClassScales, result: BundleResult) -> ClassScales:
-        """Scales with those of kinds of too little redundancy, whose residuals tell by their cofactors together."""
+    def of_small_kinds(self, scales: ClassScales, result: BundleResult, of: int | None = None) -> ClassScales:
+        """Scales with those of kinds of too little redundancy, whose residuals tell by their cofactors together.
+
+        Parameters
+        ----------
+        of : int, optional
+            Of this kind alone.
+        """
         scale, redundancy, estimable = scales.scale.copy(), scales.redundancy.copy(), scales.estimable.copy()
         for kind in np.unique(self.kind[self.in_small_kinds(scales)]) if result.adjusted.has_factor else ():
+            if of not in (None, kind):
+                continue
             kind_classes = np.flatnonzero(self.kind == kind)
             parts = [(i, number) for i, number in enumerate(self.number) if np.isin(number, kind_classes).any()]
             if len(parts) == 1 and np.isfinite(result.observations[parts[0][0]].covariance).any():
