@@ -9,7 +9,7 @@ import pytest
 
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.noisy_images import noisiest_image
+from aatri.orientation.bundle.blunders.noisy_images import noisiest_images
 from aatri.orientation.bundle.blunders.robust import AdjustOptions
 from aatri.orientation.bundle.blunders.scaling import Scaling
 from aatri.orientation.bundle.blunders.search import search
@@ -59,14 +59,14 @@ def test_clean_images_and_wrong_numbers_are_no_noise() -> None:
     parts = made_bundle()
     result = _least_squares(parts.together(), AdjustOptions())
     number = Scaling.of(parts.together()).classes.number
-    assert noisiest_image(result, None, number, ()) is None
+    assert not len(noisiest_images(result, None, number, ()))
     assert _factors(_with_noise(1.0, 0)) == {}
 
 
 def test_classes_of_an_image_are_parts_of_the_class_of_their_points() -> None:
     block = made_bundle().together()
     scaling = Scaling.of(block)
-    apart, factor = scaling.with_image(block.observed, IMAGE, "a of image b")
+    apart, factor = scaling.with_images(block.observed, np.array([IMAGE]), "image a of image b")
     assert apart.classes.names == (*scaling.classes.names, f"{scaling.classes.names[0]} of image a of image b")
     assert apart.classes.base.tolist() == [*range(len(scaling.factor)), 0]
     assert factor.tolist() == [1.0] * len(scaling.factor) + [10.0]

@@ -17,7 +17,7 @@ from tests.stages.initial_orientation.unordered import SMALL_UAV
 FLIGHT = {"strips": 3, "images_per_strip": 6}
 
 
-@pytest.mark.slow(after=1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_positions_given_a_hundred_times_too_exactly_keep_no_good_observation_out(seed: int) -> None:
     block = unordered.simulated(seed, **{**SMALL_UAV, "flight": FLIGHT, "ties": {"random_per_image": 25.0}})

@@ -14,7 +14,7 @@ from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.noisy_images import noisiest_image
+from aatri.orientation.bundle.blunders.noisy_images import noisiest_images
 from aatri.orientation.bundle.blunders.rejections import Rejections
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.scaling import Scaling
@@ -141,10 +141,16 @@ class FittedSigmas(Rejections):
             MOST_NOISY, len(self.block.image_ids) // 10 + 1
         ):
             return False
-        image = noisiest_image(result, least_squares, classes.number, classes.images)
-        if image is None:
+        strip = None if self.block.images is None else self.block.images.strip
+        images = noisiest_images(result, least_squares, classes.number, classes.images, strip)
+        if not len(images):
             return False
-        scaling, factor = self.scaling.with_image(self.all.observed, image, str(self.block.image_ids[image]))
+        name = (
+            f"image {self.block.image_ids[images[0]]}"
+            if strip is None or len(images) == 1
+            else f"strip {strip[images[0]]}"
+        )
+        scaling, factor = self.scaling.with_images(self.all.observed, images, name)
         self._rescale(scaling, factor, from_result(self.block, result))
         return True
 

@@ -1,9 +1,11 @@
-"""An image whose points err by more than those of others, as a blurred one's.
+"""An image whose points err by more than those of others, as a blurred one's; or all images of a strip.
 
 Least squares share the errors of an image out among all that see its points. Where the scale of its residuals is
 larger than that of its class by `SUSPICIOUS`, the largest of all, and more than chance allows one of all images, the
 standard deviations of its points become `APART` times as large, in a class of its own: then its errors remain in its
-own residuals, and these tell the scale. Where that is `NOISY` it stays, and where it is not all is as before.
+own residuals, and these tell the scale. Where that is `NOISY` it stays, and where it is not all is as before. Where
+`MOST_OF_STRIP` of the images of its strip are suspicious like it, and these are no more than half of all, they are one
+class: another film, camera or scanner.
 """
 
 from collections.abc import Sequence
@@ -14,7 +16,7 @@ from scipy.special import chdtri
 from aatri.adjustment.statistics.class_scales import EFFICIENCY, class_scales, robust_scale
 from aatri.adjustment.statistics.limits import ALARM
 from aatri.adjustment.statistics.variance_components import LEAST_SHARE
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.blunders.tested_block import residuals_beside
@@ -25,6 +27,8 @@ SUSPICIOUS = 1.5
 
 APART = 10.0
 """So much that the others no longer follow the image; what it is in the end its residuals tell."""
+
+MOST_OF_STRIP = 2 / 3
 
 LEAST_REDUNDANCY = 5.0
 """Of an image, for a suspicion. Apart it has that of a resection, and counts if this is enough to tell a scale."""
@@ -44,10 +48,14 @@ def is_of_images(o: Observed) -> bool:
     return o.is_measured and {POSE, POINT} <= {group for group, _ in o.records.touches}
 
 
-def noisiest_image(
-    result: BundleResult, least_squares: BundleResult | None, number: Sequence[Int], apart: Sequence[int]
-) -> int | None:
-    """The image whose points seem to err by more than those of its class, most of them, and not by chance.
+def noisiest_images(
+    result: BundleResult,
+    least_squares: BundleResult | None,
+    number: Sequence[Int],
+    apart: Sequence[tuple[int, ...]],
+    strip: Text | None = None,
+) -> Int:
+    """The image, or strip, whose points seem to err by more than those of their class, most of them, not by chance.
 
     Parameters
     ----------
@@ -55,8 +63,10 @@ def noisiest_image(
         The adjustment whose covariances are known, where `result` has none.
     number : sequence of (n, m) int
         Class of every component of each of the observations.
-    apart : sequence of int
+    apart : sequence of tuple of int
         Images that have classes of their own.
+    strip : (n,) str, optional
+        Of each image; empty without.
     """
     n_images = len(result.image_adjusted)
     parts: list[tuple[Float, Float, Int]] = [(np.zeros((0, 1)), np.zeros((0, 1)), np.zeros(0, dtype=np.int64))]
@@ -73,7 +83,7 @@ def noisiest_image(
             squares += np.bincount(image, np.einsum("nk,nk->n", v, v), n_images)
             parts.append((v, r, image))
     large = (squares > SUSPICIOUS**2 * redundancy) & (redundancy >= LEAST_REDUNDANCY)
-    large[list(apart)] = False
+    large[[k for images in apart for k in images]] = False
     v, r, image = (np.concatenate(values) for values in zip(*(_of_images(*part, large) for part in parts)))
     freedom = EFFICIENCY * np.maximum(redundancy, 1.0)
     by_chance = np.sqrt(chdtri(freedom, ALARM / max(n_images, 1)) / freedom)
@@ -83,7 +93,12 @@ def noisiest_image(
         rows = order[last[k - 1] if k else 0 : last[k]]
         of_image = robust_scale(v[rows], r[rows])
         scale[k] = of_image if max(SUSPICIOUS, by_chance[k]) < of_image < MISNAMED else 0.0
-    return int(np.argmax(scale)) if scale.any() else None
+    noisiest = np.argsort(-scale, kind="stable")[: int(scale.any())]
+    if strip is None or not len(noisiest) or not strip[noisiest[0]]:
+        return noisiest
+    of_strip = np.flatnonzero((strip == strip[noisiest[0]]) & (redundancy > 0))
+    whole = (scale[of_strip] > 0).mean() >= MOST_OF_STRIP and len(of_strip) <= 0.5 * np.count_nonzero(redundancy)
+    return of_strip if whole else noisiest
 
 
 def _of_images(v: Float, r: Float, image: Int, chosen: Bool) -> tuple[Float, Float, Int]:

@@ -15,9 +15,9 @@ from aatri.orientation.bundle.blunders.tested_block import TestedBlock, gains_of
 from aatri.orientation.bundle.complete_start import robust_intersections
 from aatri.orientation.bundle.result import BundleResult
 
-DOUBT = 1.5
-"""By how many standard deviations beyond their limit records that nothing tells apart stay, and are named: the harm is
-small, and one of them, of a control point perhaps, is as good as the others."""
+DOUBT = 6.0
+"""|w| up to which records that nothing tells apart stay, and are named: the harm is small, and one of them, of a
+control point perhaps, is as good as the others. Beside long tails as much more as these add to the limit."""
 
 MOST_ATTRIBUTIONS = 3
 
@@ -116,12 +116,12 @@ class Rejections:
         if not move:
             explanation = explanation.decided_by_block(_gains(explanation, result))
         rows = self.all.first[explanation.members.place] + explanation.members.row
-        beyond = np.zeros(len(points))
-        excess = np.where(active, np.nan_to_num((test - self.options.limit) * tails), np.inf)
-        np.maximum.at(beyond, explanation.members.block, excess[rows])
+        largest, limit = np.zeros(len(points)), self.options.limit
+        of_normal = np.where(active, np.nan_to_num(test * tails) - limit * (tails - 1.0), np.inf)
+        np.maximum.at(largest, explanation.members.block, of_normal[rows])
         unclear = np.zeros(len(points), dtype=bool)
         unclear[explanation.members.block[explanation.undecided]] = True
-        ambiguous = unclear & (beyond <= DOUBT)
+        ambiguous = unclear & (largest <= max(DOUBT, limit))
         self.doubtful[points] = ambiguous
         certain = ~ambiguous[explanation.members.block]
         wrong[rows[explanation.out & certain]] = True

@@ -1,10 +1,10 @@
 """Standard deviations that fit the residuals, class by class, before anything is rejected.
 
 A class is a kind of observation, its plan and height where they are measured apart, the image points of each camera,
-the groups that the tables name, and an image whose points err by more than others' (`noisy_images`). Its scale is
-estimated robustly (`adjustment.statistics.class_scales`). Where it contradicts the standard deviations given, these
-times the scale are those of the search and of the result: its weights, covariances, tests and sigma0. All others stay
-as given.
+the groups that the tables name, and an image or a strip whose points err by more than others' (`noisy_images`). Its
+scale is estimated robustly (`adjustment.statistics.class_scales`). Where it contradicts the standard deviations given,
+these times the scale are those of the search and of the result: its weights, covariances, tests and sigma0. All others
+stay as given.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class Classes:
     """(g,) int64. Number of the kind that each class belongs to."""
     number: tuple[Int, ...]
     """Tuple of (n, m) int32. Class of every component of each of the observations; -1 none."""
-    images: tuple[int, ...] = ()
-    """Images that have classes of their own."""
+    images: tuple[tuple[int, ...], ...] = ()
+    """Sets of images, of a strip say, that have classes of their own."""
     part_of: tuple[int, ...] = ()
     """Of the last classes, which are those of images, the class of other images' points."""
 
@@ -82,16 +82,16 @@ class Classes:
         """Classes of images, (g,)."""
         return np.arange(len(self.names)) >= len(self.names) - len(self.part_of)
 
-    def with_image(self, observed: tuple[Observed, ...], image: int, name: str) -> Classes:
-        """With classes of its own for an image."""
+    def with_images(self, observed: tuple[Observed, ...], images: Int, name: str) -> Classes:
+        """With classes of their own for some images."""
         names, kind, number, part_of = list(self.names), self.kind, list(self.number), list(self.part_of)
         for i, o in enumerate(observed):
-            rows = dict(o.records.touches)[POSE] == image if is_of_images(o) else np.zeros(len(o), dtype=bool)
+            rows = np.isin(dict(o.records.touches)[POSE], images) if is_of_images(o) else np.zeros(len(o), dtype=bool)
             for k in np.unique(number[i][rows]).tolist():
                 number[i] = np.where(rows[:, None] & (number[i] == k), np.int32(len(names)), number[i])
                 kind, part_of = np.append(kind, kind[k]), [*part_of, k]
-                names.append(f"{names[k]} of image {name}")
-        return Classes(tuple(names), kind, tuple(number), (*self.images, image), tuple(part_of))
+                names.append(f"{names[k]} of {name}")
+        return Classes(tuple(names), kind, tuple(number), (*self.images, tuple(images.tolist())), tuple(part_of))
 
     def scales(self, result: BundleResult, least_squares: BundleResult | None = None) -> ClassScales:
         """Scales of all classes from the residuals of what is used.
@@ -109,13 +109,7 @@ class Classes:
         return np.asarray(np.bincount(self.kind, scales.redundancy)[self.kind] < ESTIMABLE)
 
     def of_small_kinds(self, scales: ClassScales, result: BundleResult, of: int | None = None) -> ClassScales:
-        """Scales with those of kinds of too little redundancy, whose residuals tell by their cofactors together.
-
-        Parameters
-        ----------
-        of : int, optional
-            Of this kind alone.
-        """
+        """Scales with those of kinds of too little redundancy, or of one, which residuals tell by their cofactors."""
         scale, redundancy, estimable = scales.scale.copy(), scales.redundancy.copy(), scales.estimable.copy()
         for kind in np.unique(self.kind[self.in_small_kinds(scales)]) if result.adjusted.has_factor else ():
             if of not in (None, kind):
@@ -237,9 +231,9 @@ class Scaling:
         classes = Classes.of(block)
         return cls(classes, np.ones(len(classes.names)))
 
-    def with_image(self, observed: tuple[Observed, ...], image: int, name: str) -> tuple[Scaling, Float]:
-        """With classes of its own for an image, of much larger standard deviations; the factors this changes by."""
-        classes = self.classes.with_image(observed, image, name)
+    def with_images(self, observed: tuple[Observed, ...], images: Int, name: str) -> tuple[Scaling, Float]:
+        """With classes of their own for some images, of much larger standard deviations; by what this changes them."""
+        classes = self.classes.with_images(observed, images, name)
         of_image = self.factor[list(classes.part_of[len(self.classes.part_of) :])]
         larger = np.append(np.ones(len(self.factor)), np.full(len(of_image), APART))
         return Scaling(classes, np.append(self.factor, of_image) * larger), larger
