@@ -137,7 +137,9 @@ def _single(
         ]
         least, best = min(near, key=lambda pair: pair[0])
         level: Level = "error"
-        if least <= 2 * usual[k] + LEAST_FAR_M:
+        if least <= min(
+            2 * usual[k] + LEAST_FAR_M, 0.5 * distances[k]
+        ):  # a change that changes nothing explains nothing
             text, remedy = f"{text}; {best.text} it would lie inside", best.of_one
         else:
             text, remedy = f"{text}, the others {length(float(usual[k]))}", "check its coordinates and its id"

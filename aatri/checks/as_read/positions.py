@@ -5,7 +5,8 @@ Test: with m the median of the positions, s 1.4826 times the median distance fro
 
 - a position lies off if it is farther from m in plan than 50 times the larger of s and H;
 - its height is wrong if it is less than H / 10 above control, where the others agree to H / 5 (a higher one is legal).
-  Around an object, whose control stands more than half as high as the images, it is wrong if it is below all control;
+  Around an object, whose control stands more than half as high as the images, and where several are so low, it is wrong
+  if it is below all control;
 - if all positions are the same, they say nothing of any image.
 
 One may always go, however few there are, and all where all are the same.
@@ -89,7 +90,9 @@ def impossible_positions(position_m: Float, control_height_m: Float) -> dict[int
     }
     if above > LEVEL_FLIGHT * spread[2]:
         is_around = control_height_m.max() > middle[2] - 0.5 * above
-        lowest_m = control_height_m.min() if is_around else ground_m + LOW_POSITION * above
-        for k in np.flatnonzero(xyz[:, 2] < lowest_m).tolist():
+        low = xyz[:, 2] < ground_m + LOW_POSITION * above
+        if is_around or low.sum() > 1:
+            low = xyz[:, 2] < control_height_m.min()
+        for k in np.flatnonzero(low).tolist():
             reasons.setdefault(k, f"height of {xyz[k, 2]:.4g} m, that of the others is {middle[2]:.4g} m")
     return {int(rows[k]): reason for k, reason in sorted(reasons.items())}

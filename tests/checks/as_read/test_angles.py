@@ -210,6 +210,8 @@ def test_images_around_an_object_are_legal_however_few_of_them_are_low() -> None
     angle = np.radians(np.arange(7) * 51.4)
     xyz = np.column_stack([5.0 * np.cos(angle), 5.0 * np.sin(angle), np.where(np.arange(7) < 5, 2.2, 0.4)])
     assert impossible_positions(xyz, np.array([0.05, 0.3, 0.6, 2.4])) == {}
+    low = np.array([38.4, 38.7, 35.6, 35.4, 38.6, 38.5, 35.3])  # three of seven below most of the control
+    assert impossible_positions(np.column_stack([xyz[:, :2], low]), np.array([35.3, 32.9, 35.0, 35.4])) == {}
 
 
 @pytest.mark.parametrize(

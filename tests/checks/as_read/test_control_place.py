@@ -47,6 +47,8 @@ def test_of_three_points_one_in_another_unit_is_named_and_one_that_is_far_is_not
     (found,) = _found(mixed, nowhere, (control, control), IDS[:3])
     assert (found.level, found.where) == ("error", "control.csv:2")
     assert "divided by 1000 it would lie inside" in found.sentence
+    two_near = np.array([[32.335, 36.058], [31.782, 34.970], [31.906, 35.074]])  # no change brings the first nearer
+    assert _found(two_near, nowhere, (control, control), IDS[:3]) == []
     strip = MAP + np.array([[0.0, 0.0], [15.0, 20.0], [9_000.0, 40.0]])
     assert _found(strip, nowhere, (control, control), IDS[:3]) == []
 
