@@ -97,8 +97,8 @@ def noisiest_images(
     if strip is None or not len(noisiest) or not strip[noisiest[0]]:
         return noisiest
     of_strip = np.flatnonzero((strip == strip[noisiest[0]]) & (redundancy > 0))
-    whole = (scale[of_strip] > 0).mean() >= MOST_OF_STRIP and len(of_strip) <= 0.5 * np.count_nonzero(redundancy)
-    return of_strip if whole else noisiest
+    is_strip = (scale[of_strip] > 0).mean() >= MOST_OF_STRIP and len(of_strip) <= 0.5 * np.count_nonzero(redundancy)
+    return of_strip if is_strip else noisiest
 
 
 def _of_images(v: Float, r: Float, image: Int, chosen: Bool) -> tuple[Float, Float, Int]:
