@@ -69,12 +69,12 @@ def check(
     The block is read, and compared with what the stages use and need. Nothing is written into the project. What only an
     adjustment can see, the run itself says. The exit code is that of the first error.
     """
-    from aatri.cli.arguments.locate import DEFAULT, in_folder
+    from aatri.cli.arguments.locate import DEFAULT, project_file
     from aatri.cli.arguments.planning import Request
     from aatri.pipeline.run.workers import share_cores
 
     share_cores(1)
-    path = in_folder(project if project != Path() else DEFAULT)
+    path = project_file(project if project != Path() else DEFAULT)
     request = Request(str(path), str(into or ""), tuple(set_ or ()), tuple(use or ()), variant, local_plugins)
     checks = list(_checks(request))
     errors = [one.error for one in checks if one.error is not None]

@@ -26,7 +26,7 @@ def gc(
 
     located = find_run(run)
     now = datetime.datetime.now(datetime.UTC)
-    with locked(located.folder, "aatri gc", enabled=not dry_run):
+    with locked(located.folder, "aatri gc", enabled=not dry_run and located.folder.is_dir()):
         results = garbage(located.folder, keep, older, now)
         if not dry_run:
             remove(located.folder, results)

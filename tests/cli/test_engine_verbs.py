@@ -174,6 +174,23 @@ def test_variants_are_run_and_compared(project: Path) -> None:
     assert json.loads(aatri("status", "out/variants/far", "--json").stdout)["stages"][1]["state"] == "done"
 
 
+def test_a_folder_that_is_neither_run_nor_project_is_told_what_it_is(tmp_path: Path) -> None:
+    (tmp_path / "quarry").mkdir()
+    for verb, said in (("check", "no pipeline.yaml in it"), ("run", "not the folder of a run")):
+        refused = aatri(verb, "quarry")
+        assert said in refused.stderr
+        assert "give a pipeline file" in refused.stderr
+    (tmp_path / "quarry" / "block.yaml").write_text("aatri_block: 1\n")
+    for verb in ("check", "run"):
+        assert "aatri new FOLDER --from quarry" in aatri(verb, "quarry").stderr
+
+
+def test_gc_of_what_has_not_been_run_makes_no_folder(tmp_path: Path) -> None:
+    write_pipeline(tmp_path, LINES, HEAD)
+    assert aatri("gc").exit_code == 0
+    assert not (tmp_path / "out").exists()
+
+
 def test_accept_and_gc(project: Path) -> None:
     assert "a is up to date" in aatri("accept", "a", "-m", "so").stdout
     write_pipeline(project, LINES.replace("source/fixed}", "source/fixed, with: {count: 5}}"), HEAD)

@@ -82,10 +82,29 @@ def overview_of(folder: Path) -> dict[str, Any]:
 
     overview = read_overview(folder)
     if overview is None:
-        raise ArtifactError(
-            "not the folder of a run: no run.json in it", where=str(folder), remedy="see `run:` in pipeline.yaml"
-        )
+        raise ArtifactError("not the folder of a run: no run.json in it", where=str(folder), remedy=_instead_of(folder))
     return overview
+
+
+def project_file(path: Path) -> Path:
+    """The pipeline file of a project's folder, or a path that is none.
+
+    Raises
+    ------
+    SpecError
+        If the folder has no pipeline.
+    """
+    project = in_folder(path)
+    if project.is_dir():
+        raise SpecError(f"no {DEFAULT} in it", where=str(path), remedy=_instead_of(path))
+    return project
+
+
+def _instead_of(folder: Path) -> str:
+    """What to give in the place of a folder that is not of a run or a project."""
+    if (folder / "block.yaml").is_file():
+        return f"it is a block folder: `aatri new FOLDER --from {folder}` writes a pipeline that reads it"
+    return "give a pipeline file, or the folder that `run:` of one names"
 
 
 def in_folder(path: Path) -> Path:
