@@ -37,6 +37,10 @@ class Recognised:
     seen: str
 
 
+OF_RESULTS = ("residuals.csv", "points.csv", "exterior.csv")
+"""Files of every result that is exported as tables."""
+
+
 def format_named(name: str) -> Format:
     """The format of a name.
 
@@ -132,6 +136,9 @@ def _within(folder: Path, read: Collection[Path], levels: int, unread: list[Path
 def unrecognised(path: Path) -> InputError:
     """The error for what is of no known format: what the files begin with, and what the nearest formats have."""
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    if {*OF_RESULTS} <= {p.name for p in files}:
+        remedy = "the block that was adjusted: `aatri export RUN:block tables DIR`"
+        return InputError("results as `aatri export RUN tables` writes them, no block", where=str(path), remedy=remedy)
     begins = "; ".join(f"{p.name} {_beginning(p)}" for p in files[:MOST_TOLD])
     more = f" and {several(len(files) - MOST_TOLD, 'more file')}" if len(files) > MOST_TOLD else ""
     what = f"of no known format ({begins or 'no file that is one lies in it or one folder below'}{more})"

@@ -100,3 +100,10 @@ def test_the_page_of_a_format_has_its_section(declared: Format) -> None:
     page, _, anchor = declared.page.partition("#")
     heads = re.findall(r"^##+ (.*)$", (Path(__file__).parents[3] / page).read_text(encoding="utf-8"), re.M)
     assert anchor in {re.sub(r"[^a-z0-9 -]", "", head.lower()).replace(" ", "-") for head in heads}
+
+
+def test_results_that_were_exported_are_no_block_and_the_message_says_how_to_get_it(tmp_path: Path) -> None:
+    for name in ("residuals.csv", "points.csv", "exterior.csv", "cameras.csv"):
+        (tmp_path / name).write_text("id\n1\n")
+    with pytest.raises(AatriError, match="aatri export RUN:block tables DIR"):
+        recognised(tmp_path)
