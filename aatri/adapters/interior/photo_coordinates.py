@@ -44,7 +44,7 @@ def image_points_of(
     measured = block.image_points
     camera, row = block.images.camera[measured.image], np.full(len(block.images), -1)
     row[interior.image] = np.arange(len(interior))
-    photo = by_rows(lambda image, xy: measured_to_photo(interior, row[image], xy), measured.image, measured.xy)
+    photo = measured_to_photo(interior, row[measured.image], measured.xy)
     shares = _shares_of_axes(np.concatenate([interior.matrix, np.full((1, 2, 3), np.nan)])[row])
     active = measured.active & np.isfinite(photo).all(axis=1)
     allowed = half_format_of(block)[camera] * (1 + margin)
@@ -93,14 +93,18 @@ def calibrated_interior(block: Block, images: Int) -> Interior:
 
 def measured_to_photo(interior: Interior, row: Int, uv: Float) -> Float:
     """Photo coordinates of measured points, each by the interior orientation of its image; NaN of row -1."""
-    xy = np.full((len(uv), 2), np.nan)
     models, code = np.unique(interior.model, return_inverse=True)
-    of_point = np.append(code, -1)[row]
-    for k, model in enumerate(models):
-        rows = np.flatnonzero(of_point == k)
-        matrix, terms = interior.matrix[row[rows]], interior.terms[row[rows]]
-        xy[rows] = transform_plane(str(model), matrix, terms, uv[rows, None])[:, 0]
-    return xy
+    code = np.append(code, -1)
+
+    def of_points(row: Int, uv: Float) -> Float:
+        xy, of_point = np.full((len(uv), 2), np.nan), code[row]
+        for k, model in enumerate(models):
+            rows = np.flatnonzero(of_point == k)
+            matrix, terms = interior.matrix[row[rows]], interior.terms[row[rows]]
+            xy[rows] = transform_plane(str(model), matrix, terms, uv[rows, None])[:, 0]
+        return xy
+
+    return by_rows(of_points, row, uv)
 
 
 def _calibrated_matrix(block: Block, camera: int) -> Float:
