@@ -87,17 +87,10 @@ def taken(values: npt.NDArray[Scalar], order: Int) -> npt.NDArray[Scalar]:
     return ordered
 
 
-def by_rows(
-    work: Callable[..., npt.NDArray[np.float64]], *columns: npt.NDArray[Any], axis: int = 0
-) -> npt.NDArray[np.float64]:
+def by_rows(work: Callable[..., npt.NDArray[np.float64]], *columns: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
     """`work(*columns)`, each row of which follows from that row of the columns alone: in several threads.
 
     The pieces are those of any number of threads, and so are the bits.
-
-    Parameters
-    ----------
-    axis : int
-        Of the result, along which its rows are.
     """
     n = len(columns[0])
     pieces: list[npt.NDArray[np.float64]] = [np.empty(0)] * max(-(-n // WORTH_A_THREAD), 1)
@@ -108,4 +101,4 @@ def by_rows(
             pieces[k] = work(*(column[rows] for column in columns))
 
     in_threads(len(pieces), some_pieces, worth=1)
-    return pieces[0] if len(pieces) == 1 else np.concatenate(pieces, axis=axis)
+    return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)

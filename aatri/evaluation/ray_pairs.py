@@ -59,25 +59,27 @@ class StereoPairs:
     begin: Int
     """(n_images + 1,). First ray of each image."""
     row: Int
-    """(n,). Rows of the rays among the residuals, by image and point."""
+    point: Int
+    """(n,) int64. Rows of the rays among the residuals, by image and point, and their points."""
 
     def rays(self, first: int = 0, last: int | None = None) -> ModelRays:
         """The models among the pairs first ... last - 1, or all, with the rays of their common points."""
-        r, observed = self.solution.residuals, self.block.image_points
-        images, point = self.images[first:last], observed.point[r.row[self.row]]
-        start, *common = common_points(images, self.begin, point)
+        r, image_of_row = self.solution.residuals, self.block.image_points.image
+        images = self.images[first:last]
+        start, *common = common_points(images, self.begin, self.point)
         enough = np.diff(start) >= FEWEST
         model = np.repeat(np.arange(np.count_nonzero(enough)), np.diff(start)[enough])
-        row = np.stack([self.row[ray] for ray in common], axis=1)[np.repeat(enough, np.diff(start))]
-        xy, sigma, c = np.empty((len(row), 2, 2)), np.empty((len(row), 2, 2)), np.empty((len(row), 2))
+        rays = np.stack(common, axis=1)[np.repeat(enough, np.diff(start))]
+        point = self.point[rays[:, 0]]
+        xy, sigma, c = np.empty((len(rays), 2, 2)), np.empty((len(rays), 2, 2)), np.empty((len(rays), 2))
         for k in (0, 1):
-            image, own = observed.image[r.row[row[:, k]]], row[:, k]
+            row = self.row[rays[:, k]]
+            image = image_of_row[r.row[row]]
             c[:, k] = self.solution.cameras.principal_distance_mm[self.block.images.camera[image]]
-            ground = self.xyz_m[observed.point[r.row[own]]]
-            u = in_image_axes(self.poses.position_m[image], self.poses.ground_from_image[image], ground)
-            xy[:, k], sigma[:, k] = project(u, c[:, k]) - r.residual[own, :2], r.sigma[own, :2]
+            u = in_image_axes(self.poses.position_m[image], self.poses.ground_from_image[image], self.xyz_m[point])
+            xy[:, k], sigma[:, k] = project(u, c[:, k]) - r.residual[row, :2], r.sigma[row, :2]
         left, right = images[enough].T
-        return ModelRays(left, right, model, observed.point[r.row[row[:, 0]]], xy, sigma, c)
+        return ModelRays(left, right, model, point, xy, sigma, c)
 
 
 def stereo_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> StereoPairs | None:
@@ -110,7 +112,8 @@ def stereo_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -
     n_points = len(block.points)
     seen, ray = np.unique(image.astype(np.int64) * n_points + point, return_index=True)
     begin = np.searchsorted(seen, np.arange(len(block.images) + 1, dtype=np.int64) * n_points)
-    return StereoPairs(block, solution, poses, xyz_m, images[base > LEAST_BASE * distance], begin, rows[ray])
+    images = images[base > LEAST_BASE * distance]
+    return StereoPairs(block, solution, poses, xyz_m, images, begin, rows[ray], seen % n_points)
 
 
 def ray_pairs(block: Block, solution: Solution, poses: Poses, xyz_m: Float) -> ModelRays | None:

@@ -69,14 +69,14 @@ def tests_of(observations: AdjustedObservations, state: State) -> Float:
     """Largest |w| of the components of each record of one kind, (n,); NaN without test, see `record_tests`."""
     test = np.full(len(observations.observed), np.nan)
     if len(observations.rows) and not (observations.observed.exact or observations.observed.components):
-
-        def largest_w(rows: Int) -> Float:
-            v, r = residuals_and_redundancy(observations, state, rows)
-            w = np.where(r > 0, np.abs(v) / np.sqrt(np.where(r > 0, r, 1.0)), -1.0).max(axis=1)
-            return np.where(w >= 0, w, np.nan)
-
-        test[observations.rows] = by_rows(largest_w, observations.rows)
+        v, r = residuals_and_redundancy(observations, state, observations.rows)
+        test[observations.rows] = by_rows(_largest_w, v, r)
     return test
+
+
+def _largest_w(v: Float, r: Float) -> Float:
+    w = np.where(r > 0, np.abs(v) / np.sqrt(np.where(r > 0, r, 1.0)), -1.0).max(axis=1)
+    return np.where(w >= 0, w, np.nan)
 
 
 def tests_in_use(result: BundleResult) -> Float:
@@ -102,14 +102,13 @@ def residuals_and_redundancy(observations: AdjustedObservations, state: State, r
     most = 1.0 / CONTROLLED if is_ray(observations.observed) else np.inf
     observed = records.observed_components()
 
-    def both(rows: Int) -> Float:
-        v, used = whitened_residuals(records, state, rows), records.active[rows][:, None]
+    def redundancy(rows: Int) -> Float:
+        used = records.active[rows][:, None]
         r = 1.0 + np.where(used, -1.0, 1.0) * np.einsum("nii->ni", observations.covariance[rows])
         is_controlled = np.where(used, r > CONTROLLED, r < most)
-        return np.stack([v, np.where(observed[rows] & is_controlled, r, 0.0)])
+        return np.where(observed[rows] & is_controlled, r, 0.0)
 
-    v, r = by_rows(both, rows, axis=1)
-    return v, r
+    return whitened_residuals(records, state, rows), by_rows(redundancy, rows)
 
 
 def gains_of(observations: AdjustedObservations, state: State, rows: Int) -> Float:
