@@ -13,7 +13,7 @@ from aatri.artifacts.models import Models
 from aatri.artifacts.residuals import Residuals
 from aatri.artifacts.solution import ImageOrientations, Solution, SolvedCameras, SolvedPoints
 from aatri.artifacts.strips import Strips
-from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.suspects import Suspects
 from aatri.errors import ArtifactError
 from aatri.tables.schema import Table, columns_of
 
@@ -144,6 +144,6 @@ def suspect_rows(
 def rejected_rows(suspects: Suspects, image_points: ImagePoints) -> Bool:
     """Measurements that an earlier stage has rejected, (n,) bool by row of the measurements."""
     rejected = np.zeros(len(image_points.measurements), dtype=bool)
-    chosen = (suspects.kind == "image_point") & staying_out(suspects) & (suspects.row >= 0)
+    chosen = (suspects.kind == "image_point") & suspects.staying_out & (suspects.row >= 0)
     rejected[suspects.row[chosen]] = True
     return rejected

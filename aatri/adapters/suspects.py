@@ -18,7 +18,7 @@ from aatri.adjustment.statistics.record_tests import record_tests
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.suspects import Suspects
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.observed import Observed, named
@@ -71,7 +71,7 @@ def after(suspects: Suspects, done: AdjustedBlock, options: SearchOptions | None
     out_of_set = (suspects.kind == CONTROL) & np.isin(suspects.row, of_sets.row)
     used &= ~out_of_set
     rejected = np.array([key in out for key in zip(suspects.kind.tolist(), suspects.row.tolist())], dtype=bool)
-    back = of_adjusted_kind & used & ~rejected & staying_out(suspects)
+    back = of_adjusted_kind & used & ~rejected & suspects.staying_out
     restated, parts = replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict)), []
     restated = replace(restated, verdict=np.where(out_of_set, "rejected", restated.verdict))
     restated = _restated(restated, np.flatnonzero(suspects.kind == CONTROL), of_sets)
@@ -141,7 +141,7 @@ def _with_verdicts(suspects: Suspects, out: Int, later: Suspects) -> Suspects:
     verdict = suspects.verdict.astype(np.result_type(suspects.verdict, later.verdict))
     for k in out.tolist():
         place = at[int(suspects.row[k])]
-        if np.isfinite(later.test[place]) or later.verdict[place] != "rejected" or not staying_out(suspects)[k]:
+        if np.isfinite(later.test[place]) or later.verdict[place] != "rejected" or not suspects.staying_out[k]:
             verdict[k] = later.verdict[place]
     return replace(suspects, verdict=verdict)
 
@@ -179,7 +179,7 @@ def inherited(
     if initial is None:
         return Suspects.empty(), []
     suspects, notes = initial.suspects, []
-    staying, of_block = staying_out(suspects), suspects.row >= 0
+    staying, of_block = suspects.staying_out, suspects.row >= 0
     tested_again = (CONTROL, POSITION) if groups_back and not taken_back else ()
     all_out = [kind for kind in tested_again if _all_left_out(initial, staying, kind)]
     of_others = "taken back, for nothing is to be rejected" if taken_back else STAYS_OUT

@@ -10,7 +10,7 @@ of the ground. All are imported from here.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -155,6 +155,18 @@ TRUTH = frozenset({"true_images", "true_points", "gross_errors"})
 """Tables only the accuracy stage may look at."""
 
 
+class Imported(Protocol):
+    """A table whose rows keep their file and line."""
+
+    @property
+    def file(self) -> Int:
+        """Row in files of each; -1 if it was not imported."""
+
+    @property
+    def line(self) -> Int:
+        """Line in the file, from 1."""
+
+
 @dataclass(frozen=True, eq=False)
 class Block(Artifact):
     """The project as given."""
@@ -198,6 +210,11 @@ class Block(Artifact):
         position_m = np.full((len(self.images), 3), np.nan)
         position_m[self.exterior.image] = self.exterior.position_m
         return position_m
+
+    def read_at(self, rows: Imported, row: int) -> str:
+        """`file:line` of a row of a table, the file of one that has no lines; empty if it was not imported."""
+        file, line = int(rows.file[row]), int(rows.line[row])
+        return "" if file < 0 else f"{self.files.path[file]}:{line}" if line > 0 else str(self.files.path[file])
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts of what was given."""

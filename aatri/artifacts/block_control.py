@@ -73,6 +73,10 @@ class Geodetic(Table):
     file: Int = column("i4", doc="row in files", refers="files", optional=True, digest=False)
     line: Int = column("i4", doc="line in the file, from 1", optional=True, digest=False)
 
+    def called(self, k: int) -> str:
+        """What messages and rejects call an observation."""
+        return f"{self.type[k]} {self.start[k]} {self.end[k]}"
+
 
 @dataclass(frozen=True, eq=False)
 class GeodeticCovariances(Table):

@@ -11,6 +11,9 @@ import numpy as np
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.tables.schema import Table, column
 
+LEFT_OUT = ("rejected", "undecidable", "swapped")
+"""Verdicts with which an observation stays out."""
+
 
 @dataclass(frozen=True, eq=False)
 class Suspects(Table):
@@ -38,14 +41,10 @@ class Suspects(Table):
         doc="estimated gross error by component (x, y; X, Y, Z), observed minus what it should be",
     )
 
-
-LEFT_OUT = ("rejected", "undecidable", "swapped")
-"""Verdicts with which an observation stays out."""
-
-
-def staying_out(suspects: Suspects) -> Bool:
-    """Which of the suspects stay out, (n,)."""
-    return np.isin(suspects.verdict, LEFT_OUT)
+    @property
+    def staying_out(self) -> Bool:
+        """Which of them stay out, (n,)."""
+        return np.isin(self.verdict, LEFT_OUT)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,8 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 from aatri.adapters.interior.photo_coordinates import measured_to_photo
-from aatri.adapters.refinement.earth import earth_correction
+from aatri.adapters.refinement.corrections import earth_correction, lens_correction
 from aatri.adapters.refinement.heights import stations_of
-from aatri.adapters.refinement.lens import lens_correction
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

@@ -51,3 +51,13 @@ class LinearCorrection:
     def take(self, rows: Int | Bool) -> LinearCorrection:
         """The chosen rows."""
         return LinearCorrection(self.group, self.block[rows], self.basis[rows])
+
+
+def residuals_mm(rays: ImagePointRows, rows: Int, poses: Poses, xyz: Float) -> Float:
+    """Distance of image points from where their point is seen, mm; inf behind the image, NaN without a point."""
+    image, point = rays.image[rows], rays.point[rows]
+    w = xyz[point] - poses.position_m[image]
+    u = np.einsum("nji,nj->ni", poses.ground_from_image[image], w)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        v = -rays.c_mm[rows, None] * u[:, :2] / u[:, 2:] - rays.xy_mm[rows]
+    return np.asarray(np.where(u[:, 2] >= 0, np.inf, np.linalg.norm(v, axis=1)))

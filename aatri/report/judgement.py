@@ -13,7 +13,7 @@ from aatri.arrays import Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.suspects import Suspects
 from aatri.evaluation.expected_ratios import RATIOS, outside_expected
 from aatri.ids import shown
 from aatri.report.facts import has_scale, without_comparison
@@ -143,7 +143,7 @@ def wrong_observations(solution: Solution, most: int) -> dict[str, str]:
 
     Image points have a sentence of their own, and so have the ties that are made of them.
     """
-    s, out = solution.suspects, staying_out(solution.suspects)
+    s, out = solution.suspects, solution.suspects.staying_out
     sentences = {}
     of_images = ("image_point", "model_tie", "strip_tie") if len(solution.images) else ("image_point",)
     for kind in np.unique(s.kind[out & ~np.isin(s.kind, of_images)]).tolist():
@@ -171,7 +171,7 @@ def not_oriented(solution: Solution) -> str:
 
 
 def _image_points_left_out(solution: Solution) -> Int:
-    return np.flatnonzero(staying_out(solution.suspects) & (solution.suspects.kind == "image_point"))
+    return np.flatnonzero(solution.suspects.staying_out & (solution.suspects.kind == "image_point"))
 
 
 def _of_image_points(out: Int, block: Block | None) -> str:

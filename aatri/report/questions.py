@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import staying_out
 from aatri.errors import SpecError
 from aatri.ids import did_you_mean
 from aatri.report.drawing.charts import groups_chart, iterations_chart, redundancy_chart, sigma0_chart
@@ -160,7 +159,7 @@ def _residuals(last: Solution, around: Surroundings) -> PageSection:
 
 def _tests(last: Solution) -> PageSection:
     made = PageSection("tests", "What was left out, and which errors could hide?")
-    if last.redundancy and not staying_out(last.suspects).any():
+    if last.redundancy and not last.suspects.staying_out.any():
         made.notes.append("Nothing was left out: every observation passed its test.")
     made.tables.extend([*suspects_tables(last.suspects), *present(proposed_numbers_table(last.proposed_numbers))])
     made.tables.extend(reliability.reliability_tables(last))

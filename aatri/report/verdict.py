@@ -20,7 +20,6 @@ from aatri.arrays import Bool
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import staying_out
 from aatri.evaluation.expected_ratios import outside_expected
 from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
@@ -117,7 +116,7 @@ def _suspects(stage: StageView | None, solution: Solution | None) -> Light:
     title = "Suspects"
     if stage is None or solution is None:
         return Light(title, NONE, "no solution")
-    rejected = staying_out(solution.suspects)
+    rejected = solution.suspects.staying_out
     others = int((~rejected).sum())
     of_stage = solution.suspects.stage == stage.use.partition("/")[0]
     own = rejected & (of_stage | np.isin(solution.suspects.kind, solution.residuals.kinds))

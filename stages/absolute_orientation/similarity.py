@@ -26,11 +26,8 @@ Source: Horn 1987, Umeyama 1991; Kraus, Photogrammetry, block adjustment with in
 from dataclasses import replace
 from typing import Literal
 
-from aatri.adapters.frame.adjustment_frame import in_tangent_frame
-from aatri.adapters.ground.absolute_datum import StripsOfBlock
-from aatri.adapters.ground.absolute_orientation import Joining, orient_strips
+from aatri.adapters.frame.adjustment_frame import geodesy_of, in_tangent_frame
 from aatri.adapters.ground.absolute_solution import absolute_solution, tp_rows
-from aatri.adapters.ground.ground_observed import USES, ground_observed
 from aatri.adapters.solution import check_same_block, stacked
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -42,6 +39,9 @@ from aatri.checks.after.rejections import control_left_behind
 from aatri.checks.at_start.orientations import unlikely_orientations
 from aatri.checks.finding import report
 from aatri.orientation.bodies.absolute import Start
+from aatri.orientation.bodies.absolute_datum import StripsOfBlock
+from aatri.orientation.bodies.absolute_orientation import Joining, orient_strips
+from aatri.orientation.bodies.ground_observed import USES, ground_observed
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 
@@ -88,7 +88,8 @@ def similarity(
     """Orient free strips to the ground."""
     check_same_block(block, strips=strips, image_points=image_points)
     inside = in_tangent_frame(block)
-    ground = ground_observed(block, inside.block, use_positions=options.use_positions)
+    geodesy = geodesy_of(block, inside.frame)
+    ground = ground_observed(block, inside.block, inside.frame, geodesy, use_positions=options.use_positions)
     oriented = orient_strips(
         StripsOfBlock(inside.block, ground, strips, image_points),
         Joining(

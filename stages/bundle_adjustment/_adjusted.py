@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.adapters.bundle.bundle_input import bundle_input, observation_source, with_row_times
-from aatri.adapters.bundle.information_checks import check_frame, check_unknowns, standing_in
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.adapters.bundle.information_observed import (
     InformationShare,
     information_share,
     linearised_at,
     with_information,
 )
+from aatri.adapters.cameras.image_parameters import with_row_times
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.suspects import inherited
 from aatri.adjustment.records import residuals
@@ -30,6 +30,7 @@ from aatri.artifacts.information import Information
 from aatri.artifacts.solution import Solution, VarianceComponents
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.after.exchanged_marks import exchanged_marks
+from aatri.checks.at_start.information import check_frame, check_unknowns, standing_in
 from aatri.checks.at_start.of_start import findings_at_start
 from aatri.checks.at_start.orientations import few_oriented
 from aatri.checks.finding import Finding, report

@@ -7,7 +7,7 @@ import numpy as np
 
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
 from aatri.adapters.bundle.bundle_solution import bundle_solution
-from aatri.adapters.bundle.uncontrolled import uncontrolled_of
+from aatri.adapters.bundle.bundle_tables import uncontrolled_of
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.suspects import after, inherited
 from aatri.adjustment.settings import SolverSettings

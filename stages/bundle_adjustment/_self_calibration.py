@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import field_validator
 
-from aatri.adapters.bundle.bundle_input import film_parameters
 from aatri.adapters.cameras.calibration import (
     Calibration,
     calibrated_cameras,
@@ -16,9 +15,18 @@ from aatri.adapters.cameras.calibration import (
     calibration_of,
     has_camera_models,
 )
-from aatri.adapters.cameras.sharing import SHARINGS, SetPart, Sharing, camera_scale, names_of_parts, parts_of_set
+from aatri.adapters.cameras.image_parameters import film_parameters
 from aatri.adapters.cameras.tables import ParameterTables, parameter_tables
-from aatri.adapters.cameras.unknowns import additional_parameters, camera_parameters
+from aatri.adapters.cameras.unknowns import (
+    SHARINGS,
+    SetPart,
+    Sharing,
+    additional_parameters,
+    camera_parameters,
+    camera_scale,
+    names_of_parts,
+    parts_of_set,
+)
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution

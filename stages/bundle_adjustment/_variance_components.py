@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from pydantic import field_validator
 
-from aatri.adapters.bundle.variance_groups import Level, variance_groups
+from aatri.adapters.bundle.bundle_input import GroupLevel, variance_groups
 from aatri.adapters.observation_tables import variance_table
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import VarianceComponents
@@ -19,7 +19,7 @@ from aatri.plugin import Field, Options
 class VarianceComponentOptions(Options):
     """Standard deviations of groups of observations from their own residuals."""
 
-    groups: tuple[Level, ...] = Field(
+    groups: tuple[GroupLevel, ...] = Field(
         ("kind",), description="what has a standard deviation of its own: kind (always), camera, flight, group"
     )
     apply: bool = Field(False, description="adjust with them; else they are proposed only")

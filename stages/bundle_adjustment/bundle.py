@@ -34,11 +34,7 @@ from typing import Literal, Self
 from pydantic import field_validator, model_validator
 
 from aatri.adapters.bundle.bundle_solution import bundle_solution, with_datum, with_share
-from aatri.adapters.bundle.information_checks import check_sets
-from aatri.adapters.bundle.orderings import report_orderings
-from aatri.adapters.bundle.point_covariances import point_covariances
-from aatri.adapters.bundle.proposed_numbers import proposed_numbers
-from aatri.adapters.bundle.uncontrolled import uncontrolled_of
+from aatri.adapters.bundle.bundle_tables import point_covariances, proposed_numbers, report_orderings, uncontrolled_of
 from aatri.adapters.suspects import after
 from aatri.adjustment.iterative.forecast import Solver
 from aatri.adjustment.structure.index_problem import Ordering
@@ -50,6 +46,7 @@ from aatri.artifacts.solution import Solution
 from aatri.checks.after.of_bundle import findings_after
 from aatri.checks.after.rejections import exchanged_proposals
 from aatri.checks.after.uncontrolled import uncontrolled_observations
+from aatri.checks.at_start.information import check_sets
 from aatri.checks.finding import Finding, report
 from aatri.orientation.bundle.result import without_covariances
 from aatri.orientation.bundle.settings import Datum, DatumOver

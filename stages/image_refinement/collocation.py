@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.adapters.cameras.sharing import units_of
+from aatri.adapters.cameras.unknowns import units_of
 from aatri.adapters.refinement.corrections import with_corrections
 from aatri.adapters.solution import check_same_block
 from aatri.arrays import Bool, Float

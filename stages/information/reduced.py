@@ -24,7 +24,6 @@ import numpy as np
 
 from aatri.adapters.bundle.information_of import information_of
 from aatri.adapters.bundle.information_sum import added
-from aatri.adapters.bundle.undetermined_shared import shared_equations
 from aatri.arrays import Bool, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -34,6 +33,7 @@ from aatri.checks.as_read.screening import SEEN_ONCE
 from aatri.errors import InputError
 from aatri.ids import printable, several, shown
 from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.shared_equations import shared_equations
 from aatri.plugin import SILENT, Context, Field, Options, stage
 
 # relative: type checkers know stages by their folder

@@ -22,11 +22,8 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.adapters.bundle.orientations import given_orientations
-from aatri.adapters.frame.adjustment_frame import in_tangent_frame
-from aatri.adapters.ground.component_bodies import principal_distance_shares
-from aatri.adapters.ground.ground_observed import USES, ground_observed
-from aatri.adapters.ground.initial_orientation import to_ground
+from aatri.adapters.bundle.block_start import given_orientations
+from aatri.adapters.frame.adjustment_frame import geodesy_of, in_tangent_frame
 from aatri.adapters.ground.initial_solution import initial_solution, shown_components
 from aatri.adapters.pairs.image_pairs import joining_pairs, overlapping_images, pairs_of, strongest_pairs
 from aatri.adapters.pairs.models import essential_models, graph_of, turns_of
@@ -44,10 +41,13 @@ from aatri.errors import GeometryError
 from aatri.ids import several
 from aatri.observations.image_points import rays_of
 from aatri.observations.positions import positions_of
+from aatri.orientation.bodies.ground_observed import USES, ground_observed
 from aatri.orientation.graph.component import FEWEST_POINTS
+from aatri.orientation.graph.component_bodies import principal_distance_shares
 from aatri.orientation.graph.free_images import orient_free
 from aatri.orientation.graph.pair_graph import PairGraph
 from aatri.orientation.graph.principal_distance import with_bends
+from aatri.orientation.graph.to_ground import to_ground
 from aatri.orientation.relative.essential import essential_orientations
 from aatri.orientation.relative.orientations import EssentialOrientations
 from aatri.orientation.relative.shared_planes import rotations_by_planes
@@ -113,7 +113,8 @@ def graph(
         rng=rng,
         reporter=context,
     )
-    ground = ground_observed(block, inside.block, use_positions=options.use_positions)
+    geodesy = geodesy_of(block, inside.frame)
+    ground = ground_observed(block, inside.block, inside.frame, geodesy, use_positions=options.use_positions)
     shares = principal_distance_shares(inside.block, rays)
     components = tuple(with_bends(c, rays, shares, block.images.id, block.points.id) for c in free.components)
     parts, notes = to_ground(ground, components, rays, options.control_limit)

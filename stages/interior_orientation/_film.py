@@ -2,9 +2,17 @@
 
 import numpy as np
 
-from aatri.adapters.interior.film_marks import film_images, film_interior, film_marks, film_residuals
+from aatri.adapters.interior.film_marks import (
+    film_images,
+    film_interior,
+    film_marks,
+    film_residuals,
+    film_suspects,
+    of_usable,
+    snooped_marks,
+    unusable_film,
+)
 from aatri.adapters.interior.photo_coordinates import calibrated_interior, image_points_of
-from aatri.adapters.interior.usable_film import film_suspects, of_usable, snooped_marks, unusable_film
 from aatri.adapters.solution import stacked
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.artifacts.block import Block

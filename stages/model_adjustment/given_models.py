@@ -12,8 +12,7 @@ absolute_orientation/similarity, `start: centroids`.
 Source: Ackermann, Ebner & Klein 1970; Kraus, Photogrammetry; lecture notes A503, A801-A806.
 """
 
-from aatri.adapters.strips.given_models import adjusted_given_models
-from aatri.adapters.strips.model_adjustment import ModelAdjustmentOptions
+from aatri.adapters.strips.model_adjustment import ModelAdjustmentOptions, adjusted_given_models
 from aatri.artifacts.block import Block
 from aatri.artifacts.needed_datum import datum_needed
 from aatri.artifacts.solution import Solution

@@ -3,7 +3,6 @@
 from aatri.adapters.frame.adjustment_frame import in_tangent_frame
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.strip_adjustment import adjust_strips, strip_block_solution
-from aatri.adapters.strips.strip_degrees import StripBlockOptions
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
@@ -11,6 +10,7 @@ from aatri.artifacts.strips import Strips
 from aatri.checks.after.of_stage import findings_of
 from aatri.checks.finding import report
 from aatri.geometry.strip_bases import Form, strip_basis
+from aatri.orientation.bodies.strip_options import StripBlockOptions
 from aatri.plugin import Context
 
 

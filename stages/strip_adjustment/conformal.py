@@ -10,11 +10,11 @@ notes do for narrow strips. All else (ties, control, the fall of the degree, sig
 Source: lecture notes A604 with errata E05 and E06; Schut 1967; aatri/geometry/strip_bases.py.
 """
 
-from aatri.adapters.strips.strip_degrees import StripBlockOptions
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
+from aatri.orientation.bodies.strip_options import StripBlockOptions
 from aatri.plugin import SILENT, Context, Field, stage
 
 from ._strip_block import strip_block

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
-from aatri.adapters.cameras.sharing import camera_scale
+from aatri.adapters.cameras.unknowns import camera_scale
 from aatri.adapters.pairs.image_pairs import neighbouring_images
 from aatri.artifacts.block import CHECK
 from aatri.orientation.bundle.block import start_of

@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 from aatri.artifacts.block import Block
 from aatri.artifacts.block_images import FiducialPoints, Fiducials
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import staying_out
 from aatri.cli.main import app
 from aatri.formats.tables.writer import write_block
 from aatri.tables import hdf5
@@ -193,4 +192,4 @@ def test_a_principal_distance_that_is_wrong_is_named_on_real_images_and_no_contr
     c_mm, sigma_mm = done.stderr.split("principal distance of ")[1].split(" mm")[0].rstrip(")").split(" (+- ")
     assert abs(float(c_mm) - 3.62383) < 3 * float(sigma_mm)
     suspects = _solution(tmp_path).suspects
-    assert not (suspects.kind[staying_out(suspects)] == "control").any()
+    assert not (suspects.kind[suspects.staying_out] == "control").any()

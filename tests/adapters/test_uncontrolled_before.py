@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from aatri.adapters.uncontrolled_before import _along
-from aatri.artifacts.suspects import staying_out
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.image_refinement.systematic import systematic
 from aatri.stages.interior_orientation.calibrated import calibrated
@@ -62,7 +61,7 @@ def moved(points: Any, row: int, by_mm: np.ndarray) -> Any:
 
 
 def out(artifact: Any) -> set[tuple[str, str]]:
-    s = artifact.suspects.take(staying_out(artifact.suspects))
+    s = artifact.suspects.take(artifact.suspects.staying_out)
     return set(zip(s.kind.tolist(), s.point.tolist()))
 
 

@@ -29,7 +29,6 @@ from typing import Any
 import numpy as np
 
 from aatri.adapters.pairs.image_pairs import neighbouring_images, pair_names, pairs_of
-from aatri.artifacts.suspects import staying_out
 from aatri.geometry.coplanarity import sampson
 from aatri.geometry.intersection import intersect_pair
 from aatri.geometry.vectors import tangents
@@ -126,7 +125,7 @@ def judged(clean: Chain, spoilt: Chain, wrong: Any) -> dict[str, float]:
     }
     second, point, should = joints(clean, spoilt, after, kept)
     s = spoilt.strips.suspects
-    ties = (s.kind == "model_tie") & staying_out(s)
+    ties = (s.kind == "model_tie") & s.staying_out
     names = pair_names(block, after)
     id_of = {str(i): k for k, i in enumerate(names)}
     row_of = {str(i): k for k, i in enumerate(block.points.id)}
@@ -186,7 +185,7 @@ def reasons(spoilt: Chain, after: ImagePairs, left: Any, kept: Any, large: Any, 
     block, n = spoilt.block, len(spoilt.block.points)
     m, s, listed = block.image_points, spoilt.strip_block.suspects, spoilt.strip_block.uncontrolled
     assert listed is not None
-    ties = np.isin(s.kind, ("model_tie", "strip_tie")) & staying_out(s)
+    ties = np.isin(s.kind, ("model_tie", "strip_tie")) & s.staying_out
 
     def of_pairs(rows: Any) -> Any:
         return np.isin(left, np.concatenate([after.left_row[rows], after.right_row[rows]]))

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.suspects import Suspects
 from aatri.errors import AatriError
 from aatri.report.verdict import BAD, LOOK, external_lights, internal_lights
 from aatri.report.view.run_view import RunView, StageView
@@ -62,14 +62,14 @@ def alarms(cell: Cell, way: str) -> Alarms:
     except AatriError as error:
         return Alarms(0, (), 0, (f"{ear.stage}: {error}",), ())
     suspects = [(name, a.suspects) for name, a in made.items() if hasattr(a, "suspects")]
-    rejected = {(s.kind[k], s.image[k], s.point[k]) for _, s in suspects for k in np.flatnonzero(staying_out(s))}
+    rejected = {(s.kind[k], s.image[k], s.point[k]) for _, s in suspects for k in np.flatnonzero(s.staying_out)}
     named = tuple(" ".join(part for part in map(str, row) if part) for row in sorted(rejected))
     return Alarms(len(scene.xy_mm), named, left_out(made["bundle"].suspects), tuple(ear.warnings), lights(made))
 
 
 def left_out(suspects: Suspects) -> int:
     """How many observations a result does without; ties of models are made of image points."""
-    return int((staying_out(suspects) & ~np.isin(suspects.kind, ("model_tie", "strip_tie"))).sum())
+    return int((suspects.staying_out & ~np.isin(suspects.kind, ("model_tie", "strip_tie"))).sum())
 
 
 def lights(made: dict[str, Artifact]) -> tuple[str, ...]:

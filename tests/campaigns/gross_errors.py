@@ -37,7 +37,6 @@ import numpy as np
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import staying_out
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.campaigns.separable import inseparable
 from tests.stages.chain import Chain, run_chain, simulated
@@ -201,7 +200,7 @@ def _possible(chain: Chain, spoilt: Spoilt, clean: Chain) -> float:
 def stays_out(solution: Solution, kind: str, *, surely: bool = False) -> Int:
     """Rows of a kind that stay out; `surely`: without those of which only some are wrong."""
     s = solution.suspects
-    which = staying_out(s) & (s.verdict != "undecidable") if surely else staying_out(s)
+    which = s.staying_out & (s.verdict != "undecidable") if surely else s.staying_out
     return np.unique(s.row[(s.kind == kind) & which & (s.row >= 0)])
 
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.suspects import Suspects
 from aatri.errors import AatriError
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.campaigns.wrong_groups import WAYS, Spoilt
@@ -52,8 +52,8 @@ def judged(chain: Chain, spoilt: Spoilt) -> Outcome:
     initial = replace(chain.strip_block, suspects=Suspects.empty())
     try:
         s = bundle(spoilt.block, spoilt.points, initial, options=BundleOptions(max_sigma0=1e9), context=told).suspects
-        for kind in np.unique(s.kind[staying_out(s)]).tolist():
-            rows = s.row[(s.kind == kind) & staying_out(s)]
+        for kind in np.unique(s.kind[s.staying_out]).tolist():
+            rows = s.row[(s.kind == kind) & s.staying_out]
             right += len(np.setdiff1d(rows, spoilt.wrong.get(kind, [])))
     except AatriError as error:
         failed = str(error)

@@ -14,7 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.artifacts.suspects import staying_out
 from aatri.evaluation.differences import is_new
 from tests.stages.chain import run_chain, simulated
 
@@ -38,7 +37,7 @@ def one_block(name: str, seed: int, factor: float) -> tuple[np.ndarray, float, f
     error, C = error[new], C[new]
     nees = np.einsum("ni,ni->n", error, np.linalg.solve(C, error[:, :, None])[:, :, 0]).mean() / 3
     squares = np.array([(error**2).mean(axis=0), np.einsum("nii->ni", C).mean(axis=0)])
-    return squares, float(nees), solution.sigma0, float(staying_out(solution.suspects).sum() / len(m))
+    return squares, float(nees), solution.sigma0, float(solution.suspects.staying_out.sum() / len(m))
 
 
 def main() -> None:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import Block
-from aatri.artifacts.suspects import staying_out
 from aatri.codes import CONTROL
 from aatri.stages.accuracy.evaluation import evaluation
 from aatri.stages.bundle_adjustment.bundle import bundle
@@ -61,7 +60,7 @@ def _told(chain: Chain, block: Block) -> tuple[str, set[str]]:
     """What the bundle of the whole chain says of the block, and which control it leaves out."""
     made, heard = from_refined(block, chain.interior, chain.refined, chain.options), Told()
     suspects = bundle(block, made.refined, made.absolute, context=heard).suspects
-    out = staying_out(suspects) & (suspects.kind == "control")
+    out = suspects.staying_out & (suspects.kind == "control")
     return "\n".join(heard.warnings), set(suspects.point[out].tolist())
 
 

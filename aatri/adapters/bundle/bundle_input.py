@@ -1,35 +1,35 @@
 """From artifacts to a bundle adjustment: observations of all kinds, start values, what was rejected before."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
-from aatri.adapters.bundle.network_start import network_start
-from aatri.adapters.bundle.orientations import given_orientations
-from aatri.adapters.film_errors import film_errors
-from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of, points_into, poses_into
+from aatri.adapters.bundle.block_start import given_orientations, given_points, network_start, origin_of
+from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, points_into, poses_into
+from aatri.adjusting.adjusted_observations import classes_of
 from aatri.arrays import Float, Int, Text
-from aatri.artifacts.block import CHECK, Block
+from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import Suspects, staying_out
-from aatri.errors import ArtifactError, GeometryError, InputError
-from aatri.ids import rows_of, shown
-from aatri.notes import Note
+from aatri.artifacts.suspects import Suspects
+from aatri.errors import GeometryError
+from aatri.ids import rows_of
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.image_points import image_points as observed_image_points
 from aatri.observations.image_points import rays_of
 from aatri.observations.kinds.catalogue import KindOptions, observe
+from aatri.observations.level import level_of
 from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.parameters import ParameterRows
-from aatri.observations.poses import FILM, POINT, POSE, Poses
+from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.rigs import poses_by_rigs
-from aatri.observations.rolling_shutter import ROLLING, VELOCITY, by_velocity, flown_velocities
 from aatri.observations.ties import STRIP_TIE
 from aatri.orientation.bundle.block import BundleInput, ImageGroups
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.bundle.strip_numbering import strip_numbering
+from aatri.orientation.bundle.variance_groups import VarianceGroups, grouped
 
 
 def observation_source(
@@ -66,7 +66,7 @@ def observation_source(
     given_poses = given_orientations(block)
     initial_poses = given_poses if initial is None else (initial.images.position_m, initial.images.ground_from_image)
     poses = poses_into(frame, *initial_poses)
-    xyz = points_into(frame, _start_points(block, initial))
+    xyz = points_into(frame, given_points(block, initial))
     if shared is not None:
         poses = poses.where(poses.oriented | ~shared[0].oriented, shared[0])
         xyz = np.where(np.isfinite(xyz), xyz, shared[1])
@@ -172,13 +172,13 @@ def without_rows(observed: Observed, rejected: set[tuple[str, int]]) -> Observed
 
 def suspected_rows(suspects: Suspects) -> set[tuple[str, int]]:
     """What earlier stages have rejected, by kind and row of its table."""
-    rows = np.flatnonzero(staying_out(suspects) & (suspects.row >= 0))
+    rows = np.flatnonzero(suspects.staying_out & (suspects.row >= 0))
     return set(zip(suspects.kind[rows].tolist(), suspects.row[rows].tolist()))
 
 
 def rays_of_rejected_ties(block: Block, image_points: ImagePoints | None, suspects: Suspects) -> set[tuple[str, int]]:
     """Image points of strips to points that do not tie them: another place may carry the number there."""
-    ties = np.flatnonzero((suspects.kind == STRIP_TIE) & staying_out(suspects))
+    ties = np.flatnonzero((suspects.kind == STRIP_TIE) & suspects.staying_out)
     if image_points is None or not len(ties):
         return set()
     strip, point = rows_of(suspects.image[ties], block.strips.id), rows_of(suspects.point[ties], block.points.id)
@@ -188,107 +188,38 @@ def rays_of_rejected_ties(block: Block, image_points: ImagePoints | None, suspec
     return {(IMAGE_POINT, row) for row in rows.tolist()}
 
 
-def origin_of(poses: Poses, xyz_m: Float) -> Float:
-    """A round place near the block, (3,) m: coordinates are reduced to it before any arithmetic."""
-    origin = np.zeros(3)
-    for axis in range(3):
-        for values in (xyz_m[:, axis], poses.position_m[:, axis]):
-            finite = values[np.isfinite(values)]
-            if len(finite):
-                origin[axis] = np.round(finite.mean())
-                break
-    return origin
+GroupLevel = Literal["kind", "camera", "flight", "group"]
 
 
-def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | None:
-    """The film corrections that the fiducials leave open, weighted by their interior orientation; None without any."""
-    film = film_errors(block, image_points)
-    if film is None:
-        return None
-    zero, image = np.zeros(film.open.shape), image_points.measurements.image
-    return ParameterRows(
-        FILM,
-        block.images.id,
-        film.labels,
-        zero,
-        film.open,
-        zero,
-        film.covariance,
-        film.open,
-        image,
-        film.basis,
-        per_image=True,
-    )
+def variance_groups(block: Block, inputs: BundleInput, levels: Collection[GroupLevel]) -> VarianceGroups:
+    """Groups of all observations: their kind and its parts always; of image points the camera, flight and group."""
+    labels: list[list[str]] = []
+    parts: list[Int] = []
+    for o in inputs.observed:
+        if o.exact or not len(o):
+            labels.append([])
+            parts.append(np.full((len(o), o.records.rows), -1, dtype=np.int64))
+            continue
+        of_rows, row = np.unique(_of_rows(block, o, levels), return_inverse=True)
+        names, number = classes_of(o, of_rows.tolist(), row)
+        labels.append(names)
+        parts.append(number)
+    return grouped(inputs.observed, labels, parts)
 
 
-def with_row_times(
-    source: ObservationSource, sigma: float | None, velocity_sigma_m_s: float | None = 0.0
-) -> ObservationSource:
-    """The block with the motion of its cameras while rows are read out, where image points say when they were.
-
-    Parameters
-    ----------
-    sigma : float, optional
-        Standard deviation of the readout of a camera as a share of that of the row times: 0 as they say, None free.
-    velocity_sigma_m_s : float, optional
-        Standard deviation of the velocities that neighbours say: 0 as they say, None free for each image.
-
-    Raises
-    ------
-    InputError
-        If images with row times have no time, or no other image of their camera and flight.
-    """
-    block, points = source.block, source.image_points
-    if points is None or not np.isfinite(block.image_points.row_time_s).any():
-        chosen = [n for n, value in (("readout_sigma", sigma), ("velocity_sigma", velocity_sigma_m_s)) if value != 0]
-        text = f"{', '.join(chosen)}: options are set, but no image point has a row time"
-        return replace(source, notes=(*source.notes, Note("warning", text))) if chosen else source
-    rays, poses = rays_of(block, points), source.start[POSE]
-    row_time_s = block.image_points.row_time_s
-    images = block.images
-    track = np.unique(np.char.add(np.char.add(images.flight, "/"), images.camera.astype(str)), return_inverse=True)[1]
-    velocity = flown_velocities(images.time_s, track.ravel(), poses.position_m)
-    still = np.isin(np.arange(len(images)), rays.image[np.isfinite(row_time_s) & rays.active])
-    still &= ~np.isfinite(velocity).all(axis=1) & poses.oriented
-    if still.any():
-        raise InputError(
-            f"row_time: no velocity for images {shown(images.id[still].tolist())}: they need a time, and another image "
-            "of their camera and flight at another time",
-            where="images.csv",
-            remedy="give `time` in images.csv, or leave out row_time in image_points.csv",
-        )
-    basis = by_velocity(rays, poses, source.start[POINT], row_time_s)
-    along = np.einsum("nij,nj->ni", basis, np.nan_to_num(velocity)[rays.image])[:, :, None]
-    camera = images.camera[rays.image]
-    rows = [_weighted(ROLLING, block.cameras.id, ("readout",), 1.0, sigma, camera, along)]
-    if velocity_sigma_m_s != 0:
-        further = _weighted(VELOCITY, images.id, ("vx", "vy", "vz"), 0.0, velocity_sigma_m_s, rays.image, basis)
-        rows.append(replace(further, per_image=True))
-    return replace(source, parameters=(*source.parameters, *rows))
-
-
-def _weighted(
-    group: str, ids: Text, labels: tuple[str, ...], value: float, sigma: float | None, block: Int, basis: Float
-) -> ParameterRows:
-    """Parameters of one observed value, all of one standard deviation: 0 known, None free."""
-    n, k = len(ids), len(labels)
-    values = np.full((n, k), value)
-    covariance = np.tile((sigma or 1.0) ** 2 * np.eye(k), (n, 1, 1))
-    weighted = np.full((n, k), bool(sigma))
-    return ParameterRows(
-        group, ids, labels, values, np.full((n, k), sigma != 0), values, covariance, weighted, block, basis
-    )
-
-
-def _start_points(block: Block, initial: Solution | None) -> Float:
-    """Coordinates of `initial`; where it has none, those the block gives as control or approximate values."""
-    xyz = np.full((len(block.points), 3), np.nan)
-    xyz[block.ground_points.point] = np.where(block.ground_points.role == CHECK, np.nan, block.ground_points.xyz_m)
-    if initial is None:
-        return xyz
-    if not np.array_equal(initial.points.id, block.points.id):
-        raise ArtifactError(
-            f"`initial` belongs to another block than {block.name}: its points differ",
-            remedy="check `from` in pipeline.yaml",
-        )
-    return np.where(np.isfinite(initial.points.xyz_m), initial.points.xyz_m, xyz)
+def _of_rows(block: Block, o: Observed, levels: Collection[GroupLevel]) -> Text:
+    """What distinguishes the observations of one kind, (n,) str."""
+    image, _ = o.names(np.arange(len(o)))
+    row = rows_of(image, block.images.id)
+    of_image = row >= 0
+    texts = np.full(len(o), "", dtype="U256")
+    in_image = {POSE, POINT} <= o.records.groups
+    if "camera" in levels and in_image and len(block.cameras) > 1:
+        camera = block.cameras.id[block.images.camera[np.maximum(row, 0)]]
+        texts = np.where(of_image, np.char.add(texts, np.char.add(" camera ", camera)), texts)
+    if "flight" in levels and of_image.any():
+        flight = block.images.flight[np.maximum(row, 0)]
+        texts = np.where(of_image & (flight != ""), np.char.add(texts, np.char.add(" flight ", flight)), texts)
+    if "group" in levels and o.group is not None:
+        texts = np.where(o.group != "", np.char.add(texts, np.char.add(" group ", o.group)), texts)
+    return np.char.strip(texts)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters import solution as assemble
-from aatri.adapters.bundle.independent_errors import independent_errors_table
+from aatri.adapters.bundle.bundle_tables import independent_errors_table
 from aatri.adapters.bundle.information_observed import InformationShare
 from aatri.adapters.cameras.tables import ParameterTables
 from aatri.adapters.cameras.unknowns import PRINCIPAL_POINT

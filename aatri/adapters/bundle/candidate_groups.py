@@ -20,7 +20,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.bundle.neighbourhoods import MOST_IMAGES, moved_together
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.elimination.effects import Effects
 from aatri.adjustment.records import whitened_residuals
@@ -38,6 +37,7 @@ from aatri.orientation.bundle.block import LINE, STRIP, BundleInput, ImageGroups
 from aatri.orientation.bundle.groups.camera_effects import AFFINITY, CameraEffects
 from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MOST_TYPICAL, Candidates, Cause, UnitMembers
 from aatri.orientation.bundle.groups.frame_marks import gives_coordinates, marks_of_frames, points_of_sets
+from aatri.orientation.bundle.groups.neighbourhoods import MOST_IMAGES, moved_together
 from aatri.orientation.bundle.parameter_estimates import parameter_names
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.strip_numbering import flown_lines

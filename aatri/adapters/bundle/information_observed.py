@@ -28,9 +28,7 @@ from aatri.ids import shown
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT, POSE, Poses, pose_unknowns
 from aatri.orientation.bundle.block import BundleInput
-
-INFORMATION = "information"
-"""Name of the kind."""
+from aatri.orientation.bundle.shared_equations import INFORMATION
 
 POSE_LABELS = pose_unknowns((), np.zeros((0, 6), dtype=bool), np.zeros((0, 3))).labels
 

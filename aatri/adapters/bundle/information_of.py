@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adapters.bundle.information_observed import INFORMATION
-from aatri.adapters.bundle.undetermined_shared import EquationsOfShared
 from aatri.adjustment.elimination.onto import reduced_onto
 from aatri.adjustment.problem import Problem
 from aatri.adjustment.settings import SolverSettings
@@ -32,6 +30,7 @@ from aatri.observations.geodetic.covariances import KINDS as GEODETIC
 from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.rounds import AdjustedBlock
+from aatri.orientation.bundle.shared_equations import INFORMATION, EquationsOfShared
 
 VALUES: Mapping[str, tuple[str, str]] = {
     "image_point": ("image_points", "xy"),

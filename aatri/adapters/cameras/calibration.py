@@ -10,8 +10,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.cameras.sharing import Per, SetPart, Sharing, SharingUnits, camera_scale, parts_of_set, units_of
-from aatri.adapters.cameras.unknowns import PRINCIPAL_POINT, additional_parameters, nominal_point_mm
+from aatri.adapters.cameras.unknowns import (
+    PRINCIPAL_POINT,
+    Per,
+    SetPart,
+    Sharing,
+    SharingUnits,
+    additional_parameters,
+    camera_scale,
+    nominal_point_mm,
+    parts_of_set,
+    units_of,
+)
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

@@ -16,8 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aatri.adapters.cameras.sharing import SetPart, camera_scale, units_of
-from aatri.adapters.cameras.unknowns import PRINCIPAL_POINT, nominal_point_mm
+from aatri.adapters.cameras.unknowns import PRINCIPAL_POINT, SetPart, camera_scale, nominal_point_mm, units_of
 from aatri.adapters.solution import stacked
 from aatri.adjustment.covariance.cross import covariances_of_pairs
 from aatri.arrays import Bool, Float, Int, Text

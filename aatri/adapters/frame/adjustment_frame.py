@@ -29,9 +29,7 @@ from aatri.errors import AatriError, InputError
 from aatri.frames.conversion import Frame
 from aatri.frames.tangent import TangentFrame, check_convertible, tangent_frame
 from aatri.geometry.rotations import angles_from_rotation, rotation_from_angles
-from aatri.observations.level import PLANE, Level, tangent_level
 from aatri.observations.poses import POINT, POSE, Poses
-from aatri.units import EARTH_RADIUS_M
 
 if TYPE_CHECKING:  # readers of files import this, and need no method
     from aatri.orientation.bundle.result import BundleResult
@@ -65,13 +63,6 @@ def geodesy_of(block: Block, frame: TangentFrame | None = None) -> TangentFrame 
         return tangent_frame(source, _middle(block), undulation_m)
     except AatriError:
         return None
-
-
-def level_of(frame: TangentFrame | None, geodesy: TangentFrame | None, origin_m: Float) -> Level:
-    """What is up: along the normals in a tangent frame; Z in any other, over a curved earth where it is a map's."""
-    if frame is not None:
-        return tangent_level(frame, origin_m)
-    return PLANE if geodesy is None else replace(PLANE, curvature_per_m=1.0 / EARTH_RADIUS_M)
 
 
 def declared_frame(block: Block) -> tuple[Frame, float]:

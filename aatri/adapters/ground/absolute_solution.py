@@ -8,14 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.ground.absolute_datum import OrientedPart, StripsOfBlock, free_images, pooled
-from aatri.adapters.ground.absolute_orientation import OrientedStrips
-from aatri.adapters.solution import stacked
+from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.oriented_strips import transformation_rows
 from aatri.adapters.strips.tied_tables import (
     components_of,
-    not_rejected,
     not_tested,
     residuals_of,
     seen_points,
@@ -36,9 +33,14 @@ from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.geometry.two_point import farthest_apart, two_point_frame
 from aatri.notes import Note
 from aatri.observations.control import control_of
+from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Spread
 from aatri.observations.ties import STRIP_TIE
+from aatri.orientation.bodies.absolute_datum import OrientedPart, StripsOfBlock, pooled
+from aatri.orientation.bodies.absolute_orientation import OrientedStrips
 from aatri.orientation.bodies.components import strip_names
+from aatri.orientation.bodies.control_by_rays import ControlByRays
+from aatri.orientation.bodies.strips_as_bodies import free_images, not_rejected
 
 ROLE_NAME = "absolute_orientation"
 
@@ -121,8 +123,26 @@ def _carried(block_strips: StripsOfBlock, parts: Sequence[OrientedPart]) -> Susp
         for _, tied in part.adjusted():
             before = not_tested(before, tied, strips.strips.id[part.component.strips])
         if len(part.by_rays.meeting):
-            before = part.by_rays.suspects(before, block_strips.block, block_strips.rays, ROLE_NAME)
+            before = _told_by_rays(before, part.by_rays, block_strips)
     return before
+
+
+def _told_by_rays(before: Suspects, by_rays: ControlByRays, block_strips: StripsOfBlock) -> Suspects:
+    """Suspects of earlier stages without the rays that meet in control, and with those that do not."""
+    block, rays = block_strips.block, block_strips.rays
+    stay = ~((before.kind == IMAGE_POINT) & np.isin(before.row, np.concatenate([by_rays.meeting, by_rays.apart])))
+    sigma_mm = rays.sigma_mm[by_rays.apart].mean(axis=1)
+    apart = suspect_rows(
+        ROLE_NAME,
+        IMAGE_POINT,
+        row=by_rays.apart,
+        image=block.images.id[rays.image[by_rays.apart]],
+        point=block.points.id[rays.point[by_rays.apart]],
+        size=by_rays.apart_mm,
+        sigma=sigma_mm,
+        test=by_rays.apart_mm / sigma_mm,
+    )
+    return stacked([before.take(np.flatnonzero(stay)), apart])
 
 
 def _suspect_tables(strips: Strips, part: OrientedPart) -> Iterator[Suspects]:

@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.ground.initial_tests import STAGE, left_out_table, residuals_at
-from aatri.adapters.ground.neighbouring_components import OnGround
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import components_of, residuals_of, suspects_of, tests_of, uncontrolled_kinds
@@ -18,12 +16,18 @@ from aatri.artifacts.solution import DatumCarriers, Parameters, Solution, Varian
 from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.ids import shown
 from aatri.notes import Note
-from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows, residuals_mm
+from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
 from aatri.orientation.graph.component import WIDE_RAD, ImageComponent
-from aatri.orientation.graph.triangulation import contradicting, residuals_mm
+from aatri.orientation.graph.ground_tests import residuals_at
+from aatri.orientation.graph.neighbouring_components import OnGround
+from aatri.orientation.graph.triangulation import contradicting
 
-METHOD = f"{STAGE}/graph"
+STAGE = "initial_orientation"
+
+LEAST_SIGMA = 1e-6
+"""Of what is exact, m or rad."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ def initial_solution(
         block,
         image_points,
         pieces.Placed(position, placed.poses.ground_from_image, placed.xyz),
-        method=METHOD,
+        method=f"{STAGE}/graph",
         counts=(int(2 * placed.kept.sum()), int(6 * finite_rows(position).sum() + 3 * solved.sum())),
         sigma0=float("nan"),
         iterations=0,
@@ -160,3 +164,13 @@ def shown_components(components: tuple[ImageComponent, ...], block: Block) -> li
         for k, c in enumerate(components, 1)
         if k > 1
     ]
+
+
+def left_out_table(o: Observed, residual: Float) -> Suspects:
+    """All of one kind, left out as it contradicts all else: the bundle begins without it and tests it again."""
+    size, (image, point) = np.sqrt(np.nansum(residual**2, axis=1)), o.names(np.arange(len(o)))
+    test = np.sqrt(np.nanmean((residual / np.maximum(o.sigmas(), LEAST_SIGMA)) ** 2, axis=1))
+    sigma = np.where(test > 0, size / np.where(test > 0, test, 1.0), np.nan)
+    return suspect_rows(
+        STAGE, o.kind, image=image, point=point, row=o.row, size=size, unit=o.unit, sigma=sigma, test=test
+    )

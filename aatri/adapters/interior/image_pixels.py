@@ -5,9 +5,15 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from aatri.adapters.interior.film_marks import film_images, film_interior, film_marks
+from aatri.adapters.interior.film_marks import (
+    film_images,
+    film_interior,
+    film_marks,
+    of_usable,
+    snooped_marks,
+    unusable_film,
+)
 from aatri.adapters.interior.photo_coordinates import calibrated_interior
-from aatri.adapters.interior.usable_film import of_usable, snooped_marks, unusable_film
 from aatri.adapters.solution import stacked
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0
 from aatri.arrays import Bool, Float, Int, Text

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.film_errors import film_errors
+from aatri.adapters.cameras.image_parameters import film_errors
 from aatri.adapters.pairs.image_pairs import joining_pairs, pair_names
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.uncontrolled_before import in_no_model, seen_by_one

@@ -7,8 +7,6 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adapters.strips.double_models import Unit, double_units, merged
 from aatri.adjusting.added_variance import EXACT
 from aatri.adjusting.tied_problem import TiedProblem, tied_problem
 from aatri.arrays import Float, Int, Text
@@ -26,8 +24,10 @@ from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.positions import PositionOptions, positions, positions_of
 from aatri.observations.ties import MODEL_TIE, PERSPECTIVE_CENTRE
 from aatri.orientation.bodies.datum_analysis import analyse_datum
+from aatri.orientation.bodies.double_models import Unit, double_units, merged
 from aatri.orientation.bodies.model_ties import LATENT, ModelPoses, ModelRows, latent_errors, model_ties
 from aatri.orientation.bodies.similarity_ties import Similarities
+from aatri.orientation.bodies.strips_as_bodies import origin_of
 from aatri.orientation.strips.model_errors import point_errors, root_of
 
 FEWEST = 3
@@ -152,7 +152,7 @@ def _ground(block: Block, initial: Solution) -> tuple[Float, Poses, list[Observe
     Positions whose group has a shift of its own take no part: that is for the bundle.
     """
     control, images = control_of(block), initial.images
-    origin = pieces.origin_of(control, positions_of(block).position_m)
+    origin = origin_of(control, positions_of(block).position_m)
     poses = Poses(images.position_m - origin, images.ground_from_image)
     observed = positions(ObservationSource(block, None, origin, {POSE: poses}), PositionOptions())
     observed = tuple(o for o in observed if not o.unknowns and len(o.records.touches) == 1)

@@ -6,59 +6,17 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.adapters import solution as assemble
-from aatri.arrays import Bool, Float, Text, finite_rows
+from aatri.arrays import Bool, Float, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.residuals import Residuals, Tests
 from aatri.artifacts.solution import Iterations, Parameters, Solution, StripTransformations, VarianceComponents
-from aatri.artifacts.strips import Strips
-from aatri.artifacts.suspects import Suspects, Uncontrolled, staying_out
+from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.geometry.similarity import Similarity
 from aatri.notes import Note
-from aatri.observations.control import Control
-from aatri.observations.ties import STRIP_TIE
-from aatri.orientation.bodies.component_growth import BodyPoints
 
 SIMILARITY_PARAMETERS = ("TX_m", "TY_m", "TZ_m", "scale", "omega_rad", "phi_rad", "kappa_rad")
-
-
-def origin_of(control: Control, position_m: Float) -> Float:
-    """A round place near the block, (3,) m: coordinates are reduced to it before any arithmetic."""
-    observed_m = np.concatenate([np.where(control.given, control.xyz_m, np.nan), position_m])
-    sums, counts = np.nansum(observed_m, axis=0), np.isfinite(observed_m).sum(axis=0)
-    return np.asarray(np.round(sums / np.maximum(counts, 1)))
-
-
-def strip_points_of(strips: Strips) -> BodyPoints:
-    """Points of free strips."""
-    table = strips.strip_points
-    return BodyPoints(table.strip.astype(np.int64), table.point.astype(np.int64), table.xyz, table.covariance)
-
-
-def usable_ties(strips: Strips) -> Bool:
-    """Strip points that no earlier stage has rejected, (n,) bool."""
-    table = strips.strip_points
-    if not len(strips.suspects):
-        return np.ones(len(table), dtype=bool)
-    return ~named_by_suspects(strips.suspects, STRIP_TIE, strips.strips.id[table.strip], strips.points.id[table.point])
-
-
-def named_by_suspects(suspects: Suspects, kind: str, image: Text, point: Text) -> Bool:
-    """Observations of a kind, (n,), that suspects which stay out name by the ids of image (or body) and point."""
-    out = suspects.take(np.flatnonzero((suspects.kind == kind) & staying_out(suspects)))
-    names = set(zip(out.image.tolist(), out.point.tolist()))
-    return np.array([pair in names for pair in zip(image.tolist(), point.tolist())], dtype=bool)
-
-
-def most_models(strips: Strips) -> int:
-    """Models of the longest strip."""
-    return int(np.bincount(strips.strip_images.strip).max(initial=1)) - 1
-
-
-def distance_m(position_m: Float, point_m: Float) -> float:
-    """From the middle of the projection centres to that of the points, m."""
-    return float(np.linalg.norm(np.nanmean(position_m, axis=0) - np.nanmean(point_m, axis=0)))
 
 
 def left_out(block: Block, oriented: Bool) -> list[Note]:

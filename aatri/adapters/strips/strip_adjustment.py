@@ -9,7 +9,6 @@ from aatri.adapters import solution as assemble
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips import strip_tables as tables
 from aatri.adapters.strips import tied_tables
-from aatri.adapters.strips.strip_degrees import StripBlockOptions
 from aatri.adapters.strips.strip_tables import StripsOnGround, strip_notes
 from aatri.adjustment.statistics.limits import SINGLE_LIMIT
 from aatri.arrays import Bool, Float, Int, finite_rows
@@ -32,7 +31,9 @@ from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.deformation import Misfit, farthest_bodies, given_note, rms_m, search_notes, sigma0_notes
 from aatri.orientation.bodies.deformed_covariances import DeformedCovariances, covariance_notes, deformed_covariances
 from aatri.orientation.bodies.free_body import at_a_distance
+from aatri.orientation.bodies.strip_options import StripBlockOptions
 from aatri.orientation.bodies.strip_polynomials import StripPolynomials, adjust_strip_polynomials, fall_notes
+from aatri.orientation.bodies.strips_as_bodies import distance_m, most_models, not_rejected, origin_of, strip_points_of
 from aatri.orientation.resection.adjustment import resect_images
 
 
@@ -56,8 +57,8 @@ def on_the_ground(block: Block, strips: Strips, initial: Solution) -> StripsOnGr
         If `initial` orients no strip.
     """
     control = control_of(block)
-    origin = pieces.origin_of(control, positions_of(block).position_m)
-    images, table = strips.strip_images, pieces.strip_points_of(strips)
+    origin = origin_of(control, positions_of(block).position_m)
+    images, table = strips.strip_images, strip_points_of(strips)
     oriented = initial.images.oriented[images.image]
     numbers: list[int] = []
     similarity: list[Similarity] = []
@@ -125,7 +126,7 @@ def adjust_strips(
     control, names = ground.control, strips.strips.id[ground.strips]
 
     def begin(observed: Sequence[Observed]) -> Bool:
-        return tied_tables.not_rejected(observed, dict.fromkeys((STRIP_TIE, CONTROL), initial.suspects))
+        return not_rejected(observed, dict.fromkeys((STRIP_TIE, CONTROL), initial.suspects))
 
     n_ties = len(ground.points.point)
     models = np.bincount(strips.strip_images.strip, minlength=len(strips.strips))[ground.strips] - 1
@@ -172,16 +173,16 @@ def adjust_strips(
 
     tied = result.tied
     text = f"standard deviation of the strips beyond that of their points: {tied.tau_m:.3f} m"
-    notes += [Note("note", text), *search_notes(tied, tied_tables.names_of, "strip block")]
-    distance_m = pieces.distance_m(initial.images.position_m - ground.origin, ground.points.xyz)
+    notes += [Note("note", text), *search_notes(tied, "strip block")]
+    away_m = distance_m(initial.images.position_m - ground.origin, ground.points.xyz)
     misfit = Misfit(
-        options.max_sigma0, distance_m, oriented=True, farthest=farthest_bodies(tied, np.char.add("strip ", names))
+        options.max_sigma0, away_m, oriented=True, farthest=farthest_bodies(tied, np.char.add("strip ", names))
     )
     notes += sigma0_notes(
         [tied],
         ["strip block"],
         tied.sigma0,
-        pieces.most_models(strips),
+        most_models(strips),
         misfit,
         rms_m(tied.residuals, tied.active),
         "strip block adjustment",

@@ -1,6 +1,6 @@
 """Observations of tied bodies - strips, models, components - as tables of a Solution: every kind in the same way."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,53 +23,11 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.residuals import Residuals, Tests
 from aatri.artifacts.solution import Solution, StripTransformations, VarianceComponents
-from aatri.artifacts.suspects import Suspects, Uncontrolled, staying_out
+from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.geometry.similarity import Similarity
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, COMPONENT_CENTRE, COMPONENT_POINT
-
-CALLED = {
-    "control": "control point {1}",
-    "position": "position of image {0}",
-    "attitude": "attitude of image {0}",
-    "strip_tie": "point {1} in strip {0}",
-    "model_tie": "point {1} in model {0}",
-    "perspective_centre": "centre of image {1} in model {0}",
-}
-"""What messages call an observation of a kind, by its ids of image (or body) and point."""
-
-
-def names_of(result: TiedResult, rows: Int) -> list[str]:
-    """What messages call some of all observations."""
-    texts = []
-    for row in rows.tolist():
-        k = int(np.searchsorted(result.problem.edges, row, side="right")) - 1
-        o = result.problem.observed[k]
-        image, point = o.names(np.array([row - result.problem.edges[k]]))
-        texts.append(CALLED.get(o.kind, f"{o.kind} {{0}}{{1}}").format(image[0], point[0]))
-    return texts
-
-
-def not_rejected(observed: Sequence[Observed], before: Mapping[str, Suspects]) -> Bool:
-    """Which observations no earlier stage has rejected, (n,), kind by kind.
-
-    Parameters
-    ----------
-    before : mapping
-        Suspects of earlier stages, by kind. What has no row in the Block is known by its names.
-    """
-    parts = [~_rejected(o, before[o.kind]) if o.kind in before else np.ones(len(o), dtype=bool) for o in observed]
-    return np.concatenate([np.zeros(0, dtype=bool), *parts])
-
-
-def _rejected(o: Observed, before: Suspects) -> Bool:
-    if not len(before):
-        return np.zeros(len(o), dtype=bool)
-    out = (before.kind == o.kind) & staying_out(before)
-    if not out.any() or (o.row >= 0).any():
-        return np.asarray(np.isin(o.row, before.row[out & (before.row >= 0)]))
-    return pieces.named_by_suspects(before, o.kind, *o.names(np.arange(len(o))))
 
 
 def _native(result: TiedResult) -> Iterator[tuple[Observed, slice]]:

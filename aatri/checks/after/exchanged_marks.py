@@ -25,7 +25,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.adapters.interior.photo_coordinates import measured_to_photo
 from aatri.adjustment.statistics.limits import MEDIAN_SQUARE_OF_PLANE
 from aatri.arrays import Float, Int, finite_rows
@@ -228,5 +227,5 @@ def _finding(block: Block, pair: tuple[int, int], off_mm: tuple[float, float]) -
     )
     row = int(np.flatnonzero(block.image_points.image == pair[0])[0])
     remedy = "look at both; if so exchange the two ids in one of the tables; a start bent by wrong control looks alike"
-    where = read_at(block, block.image_points, row)
+    where = block.read_at(block.image_points, row)
     return Finding("exchanged_marks", "warning", text, remedy, where=where, statistic=off_mm[1] / off_mm[0])

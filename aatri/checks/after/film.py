@@ -9,8 +9,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from aatri.adapters.interior.film_marks import FilmMarks
-from aatri.adapters.interior.usable_film import misfits
+from aatri.adapters.interior.film_marks import FilmMarks, misfits
 from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block

@@ -11,12 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.strips.given_models import adjusted_given_models
-from aatri.adapters.strips.model_adjustment import ModelAdjustmentOptions
+from aatri.adapters.strips.model_adjustment import ModelAdjustmentOptions, adjusted_given_models
 from aatri.adjustment.statistics.global_test import sigma0_interval
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import staying_out
 from aatri.checks.finding import Finding
 from aatri.checks.limits import MOST_MIRRORED
 from aatri.errors import ConvergenceError, GeometryError
@@ -28,7 +26,7 @@ AXES = (0, 2)
 
 def mirrored_models(block: Block, options: ModelAdjustmentOptions, solution: Solution | None) -> list[Finding]:
     """A warning where the models fit with an axis of one of them reversed; `solution` is None where it failed."""
-    before = np.inf if solution is None or not _fits(solution) else int(staying_out(solution.suspects).sum())
+    before = np.inf if solution is None or not _fits(solution) else int(solution.suspects.staying_out.sum())
     coordinates = block.model_coordinates
     if before == 0 or coordinates is None or len(np.unique(coordinates.model)) > MOST_MIRRORED:
         return []
@@ -63,7 +61,7 @@ def _fitting_mirrored(block: Block, options: ModelAdjustmentOptions, before: flo
             except (ConvergenceError, GeometryError):
                 continue
             complete = set(solution.transformations.id.tolist()) == set(coordinates.model.tolist())
-            if complete and _fits(solution) and staying_out(solution.suspects).sum() < before:
+            if complete and _fits(solution) and solution.suspects.staying_out.sum() < before:
                 yield f"an axis of model {name} reversed (sigma0 {solution.sigma0:.3g})"
                 break
 

@@ -7,7 +7,6 @@ corner y counts all points of an image to the wrong side where its direction is 
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.adapters.interior.photo_coordinates import half_format_of
 from aatri.arrays import Int
 from aatri.artifacts.block import Block
@@ -31,7 +30,7 @@ def outside_format(block: Block, image_points: ImagePoints) -> list[Finding]:
         remedy = "check the camera's format, image_coordinates, pixel size and pixel origin"
         if exchanged := _y_exchanged(block, image_points, np.unique(block.images.camera[measured.image[rows]])):
             remedy = f"turn y of camera {shown(exchanged)} (`pixel: {{y: ...}}`): y of its points lies inside then"
-        where = read_at(block, block.image_points, rows[0])
+        where = block.read_at(block.image_points, rows[0])
         return [Finding("outside_format", "error", text, remedy, where=where)]
     findings = []
     if rows:

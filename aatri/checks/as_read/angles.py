@@ -18,7 +18,6 @@ from itertools import combinations
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.changes import CHANGES
@@ -198,8 +197,8 @@ def _place(block: Block, of: str, rays: ControlRays) -> str:
     if of == "camera":
         return f"camera {block.cameras.id[block.images.camera[image]]}"
     if of == "control":
-        return read_at(block, block.ground_points, int(control_of(block).row[rays.point[first]]))
-    return read_at(block, block.exterior, int(np.argmax(block.exterior.image == image)))
+        return block.read_at(block.ground_points, int(control_of(block).row[rays.point[first]]))
+    return block.read_at(block.exterior, int(np.argmax(block.exterior.image == image)))
 
 
 def _percent(share: float) -> str:

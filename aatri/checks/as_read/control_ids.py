@@ -10,7 +10,6 @@ import unicodedata
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.arrays import Bool
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.checks.finding import Finding, Level
@@ -50,7 +49,7 @@ def lost_control(block: Block) -> list[Finding]:
         level, what = "error", "no control point is measured"
     what += f"; did you mean {shown(_pairs(block, meant), 3)}?"
     remedy = "give a point the same id in all tables, to the letter"
-    return [Finding("control_ids", level, what, remedy, where=read_at(block, ground, first))]
+    return [Finding("control_ids", level, what, remedy, where=block.read_at(ground, first))]
 
 
 def _pairs(block: Block, meant: dict[int, str]) -> list[str]:

@@ -19,7 +19,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.changes import CHANGES, Change
@@ -42,7 +41,7 @@ def control_off_the_block(block: Block) -> list[Finding]:
     ids = block.points.id[control.point].tolist()
     xyz_m = np.where(control.given, control.xyz_m, np.nan)
     seen, image = number[points.point[rows]], points.image[rows]
-    places = [read_at(block, block.ground_points, int(row)) for row in control.row]
+    places = [block.read_at(block.ground_points, int(row)) for row in control.row]
     return misplaced_control(ids, xyz_m, position, seen, image, places)
 
 

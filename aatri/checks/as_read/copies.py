@@ -17,7 +17,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.imported import read_at, sight_name
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE, Block
 from aatri.checks.as_read.rejects import name_of_image_point, rejected
@@ -50,7 +49,7 @@ def _copied_rows(block: Block) -> Block:
         block, "image_point", points, rows, [name_of_image_point(block, k) for k in rows], [COPIED] * len(rows)
     )
     rows = np.flatnonzero(of_geodetic).tolist()
-    names = [sight_name(geodetic, k) for k in rows]
+    names = [geodetic.called(k) for k in rows]
     block = rejected(block, "geodetic", geodetic, rows, names, [COPIED] * len(rows))
     return replace(
         block,
@@ -162,7 +161,7 @@ def _ground_points_twice(block: Block) -> tuple[Block, list[Finding]]:
     for j, i in first.items():
         other, name = (printable(str(ids[k])) for k in (i, j))
         what = f"{name} has the coordinates of {other} in every digit: they count once, for {other}"
-        findings.append(Finding("copies", "warning", what, where=read_at(block, ground, j)))
+        findings.append(Finding("copies", "warning", what, where=block.read_at(ground, j)))
     return replace(block, ground_points=replace(ground, role=role)), findings
 
 

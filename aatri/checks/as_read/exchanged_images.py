@@ -21,7 +21,6 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.special import bdtrc
 
-from aatri.adapters.imported import read_at
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.images_in_strips import ImagesInStrips, images_in_strips
@@ -109,5 +108,5 @@ def _finding(block: Block, i: int, j: int, probability: float) -> Finding:
     remedy = "exchange the two ids in image_points.csv"
     if block.images.strip[i] == block.images.strip[j]:
         remedy += ", or their sequence in images.csv"
-    where, rows = read_at(block, block.images, i), {"image": np.array([i, j])}
+    where, rows = block.read_at(block.images, i), {"image": np.array([i, j])}
     return Finding("exchanged_images", "warning", text, remedy, where=where, rows=rows, significance=probability)

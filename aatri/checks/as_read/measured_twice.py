@@ -6,7 +6,6 @@ Test: the two differ by more than `SAME_POINT_SIGMAS` standard deviations of the
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.arrays import Bool, Int
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.rejects import name_of_image_point
@@ -29,9 +28,9 @@ def measured_twice(block: Block) -> list[Finding]:
         gap = np.abs(rows.xy[b] - rows.xy[a]).max()
         unit = "px" if pixel[block.images.camera[rows.image[b]], 0] else "mm"
         text = f"image point {name_of_image_point(block, b)} measured twice, {gap:g} {unit} apart"
-        text = f"{text} (first: {read_at(block, rows, a)})"
+        text = f"{text} (first: {block.read_at(rows, a)})"
         remedy = "remove the wrong one; or two points have one name, as markers and tie points may: rename one"
-        findings.append(Finding("measured_twice", "error", text, remedy, where=read_at(block, rows, b)))
+        findings.append(Finding("measured_twice", "error", text, remedy, where=block.read_at(rows, b)))
     return findings
 
 

@@ -16,7 +16,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.rejects import listed, rejected
@@ -49,7 +48,7 @@ def without_impossible_positions(block: Block, max_share: float) -> tuple[Block,
     names = block.images.id[exterior.image[rows]].tolist()
     total = int(np.isfinite(exterior.position_m).all(axis=1).sum())
     if len(rows) > max(1.0, max_share * total) and not reasons_of_rows[0].startswith(THE_SAME):
-        places = [read_at(block, exterior, int(row)) for row in rows]
+        places = [block.read_at(exterior, int(row)) for row in rows]
         text = f"{len(rows)} of {total} positions cannot be right; at most {max_share:.0%} may be set aside: "
         text += listed([f"{name}, {reason}" for name, reason in zip(names, reasons_of_rows)], places)
         return block, [Finding("positions", "error", text, REMEDY, where=places[0])]

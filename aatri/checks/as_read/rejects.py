@@ -7,8 +7,7 @@ Test: none; many of one kind for one reason are told in one line.
 from collections.abc import Sequence
 from dataclasses import replace
 
-from aatri.adapters.imported import Imported
-from aatri.artifacts.block import BY_EDIT, Block, Rejects
+from aatri.artifacts.block import BY_EDIT, Block, Imported, Rejects
 from aatri.checks.finding import Finding
 from aatri.checks.limits import MOST_LISTED, MOST_REJECTS_TOLD
 from aatri.ids import printable

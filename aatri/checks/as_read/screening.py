@@ -19,7 +19,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, NOT_SEEN, OBSERVED_VALUE, Block
 from aatri.checks.as_read.angles import angles_that_differ
@@ -202,12 +201,12 @@ def _too_many(block: Block, images: Rows, points: Rows, share: float) -> list[Fi
         remedy = (
             "check unit, origin, axes and `format` of the camera in block.yaml; or allow more with max_reject_share"
         )
-        places = [read_at(block, rows, row) for row in outside]
+        places = [block.read_at(rows, row) for row in outside]
         return [_error(text + listed([name_of_image_point(block, row) for row in outside], places), remedy, places[0])]
     if images.active.any() or not images.reasons:
         return []
     removed, once = sorted(images.reasons), points.of_reason(SEEN_ONCE)
-    at, at_once = [read_at(block, block.images, row) for row in removed], [read_at(block, rows, row) for row in once]
+    at, at_once = [block.read_at(block.images, row) for row in removed], [block.read_at(rows, row) for row in once]
     text = f"no image is left: {len(removed)} of {len(block.images)} with {FEW_POINTS}: "
     text += listed(block.images.id[removed].tolist(), at)
     if once:

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.imported import sight_name
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.rejects import rejected
 
@@ -25,5 +24,5 @@ def without_unusable_sights(block: Block) -> Block:
     short = np.isin(rows.type, DISTANCES) & (rows.value <= 0)
     unusable = np.flatnonzero((itself | short) & rows.active).tolist()
     reasons = [TO_ITSELF if itself[k] else NOT_POSITIVE for k in unusable]
-    block = rejected(block, "geodetic", rows, unusable, [sight_name(rows, k) for k in unusable], reasons)
+    block = rejected(block, "geodetic", rows, unusable, [rows.called(k) for k in unusable], reasons)
     return replace(block, geodetic=replace(rows, active=rows.active & ~itself & ~short))

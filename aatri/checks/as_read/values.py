@@ -21,7 +21,6 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from aatri.adapters.imported import read_at, sight_name
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import TRUTH, Block, GroundPoints
 from aatri.checks.finding import Finding
@@ -144,7 +143,7 @@ def _faults_of_sets(block: Block) -> Iterator[Finding]:
     geodetic, of_geodetic = block.geodetic, block.geodetic_covariances
     pair = np.stack([of_geodetic.row_a, of_geodetic.row_b], axis=1)
     for rows in _indefinite_sets(geodetic.sigma**2, pair, of_geodetic.value):
-        names = [sight_name(geodetic, k) for k in rows]
+        names = [geodetic.called(k) for k in rows]
         yield _indefinite(_place(block, "geodetic", int(rows[0])), names)
     ground, between = block.ground_points, block.ground_point_covariances
     if not len(between):
@@ -209,7 +208,7 @@ def _place(block: Block, name: str, row: int) -> str:
     """`file:line` of a row; of the first row that names it, where the table has no lines of its own."""
     table: Any = getattr(block, name)
     if hasattr(table, "line"):
-        return read_at(block, table, row) or _called(name, table, row)
+        return block.read_at(table, row) or _called(name, table, row)
     refers = {
         "points": (("image_points", "point"), ("ground_points", "point")),
         "strips": (("images", "strip"),),
@@ -220,7 +219,7 @@ def _place(block: Block, name: str, row: int) -> str:
         naming = np.flatnonzero(getattr(rows, column) == row)
         if len(naming):
             first = naming[np.argmin(rows.line[naming])]
-            return read_at(block, rows, int(first))
+            return block.read_at(rows, int(first))
     return _called(name, table, row)
 
 

@@ -15,7 +15,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.block_control import Geodetic
@@ -77,7 +76,7 @@ def other_conventions(block: Block, inputs: BundleInput) -> list[Finding]:
             observed = np.isfinite(v[unit])
             if observed.sum() >= FEWEST_OF_CONVENTION:
                 of_set = o.set_rows is not None
-                where = read_at(block, table, int(rows[unit][0, 0])) if of_set else ""
+                where = block.read_at(table, int(rows[unit][0, 0])) if of_set else ""
                 findings += _of_rows(o, table, v[unit][observed], rows[unit][observed], where)
         if o.kind == directions.AZIMUTH and not any(finding.where == o.kind for finding in findings):
             findings += _reversed(table, v.ravel(), rows.ravel())

@@ -9,7 +9,6 @@ Test: marks that fit no similarity are tried mirrored, and with their numbers ex
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.adapters.interior.film_marks import FilmMarks
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
@@ -35,7 +34,7 @@ def _wrong(block: Block, marks: FilmMarks, upright: FiducialFit, mirrored: Fiduc
     present = marks.present[k]
     calibrated = marks.calibrated_mm[k, present]
     rows, marked = marks.row[k, present], block.fiducial_points
-    where, image = read_at(block, marked, int(rows[0])), f"image {block.images.id[marks.image[k]]}"
+    where, image = block.read_at(marked, int(rows[0])), f"image {block.images.id[marks.image[k]]}"
     if not is_misfit(upright.residual_mm[k, present], calibrated):
         scale = scale_problem(upright.photo_from_nominal[k])
         remedy = "check the pixel size and the unit of the fiducial coordinates of the camera"

@@ -7,7 +7,6 @@ its square, 4e8, and what rays say of the points of a plane or line comes near t
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.checks.finding import Finding
@@ -43,7 +42,7 @@ def sharp_conditions(block: Block, position_m: Float, xyz_m: Float) -> list[Find
             f"{conditions.type[k]}: a standard deviation of {conditions.sigma[k]:.2g} m is more than {SHARPER:,.0f} "
             "times as sharp as image points on the ground: rounding may hide what it touches",
             "check its unit, or write `exact: true`",
-            where=read_at(block, conditions, int(k)),
+            where=block.read_at(conditions, int(k)),
         )
         for k in np.flatnonzero(sharp)
     ]

@@ -6,7 +6,7 @@ import numpy as np
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import ProposedNumbers, Solution, VarianceComponents
-from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.suspects import Suspects
 from aatri.formats.edits.edit import BY_COORDINATE, NAMED_BY, TAKES, Edit
 from aatri.formats.edits.edited import measured_value
 
@@ -54,7 +54,7 @@ def _of_suspects(
 ) -> tuple[list[Edit], list[str]]:
     """What stays out and is not renumbered; and of which kinds there is no row in the tables of measurements."""
     edits, others = list[Edit](), Counter[str]()
-    for k in np.flatnonzero(staying_out(suspects)).tolist():
+    for k in np.flatnonzero(suspects.staying_out).tolist():
         kind, row = str(suspects.kind[k]), int(suspects.row[k])
         if (kind, row) in numbered:
             continue

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.artifacts.block import Block, RelativeControl, RelativeControlMembers
 from aatri.formats.merging.reconciliation import Reconciliation
 from aatri.formats.merging.rows import SAME
@@ -26,7 +25,7 @@ def merged_conditions(a: Block, b: Block, rules: Reconciliation) -> tuple[Relati
         values = [(float(r.value[i]), float(r.sigma[i])) for r, i in zip(rows, (first[key], k))]
         if not np.allclose(values[0], values[1], rtol=SAME, atol=0.0, equal_nan=True):
             called = f"{key[0]} of {shown([name for _, name in key[2]])}: value and sigma"
-            rules.conflict(called, [np.array(v) for v in values], read_at(b, b.relative_control, k))
+            rules.conflict(called, [np.array(v) for v in values], b.read_at(b.relative_control, k))
     other = b.relative_control.take(np.array(fresh, dtype=np.intp))
     other = RelativeControl.of(
         **{

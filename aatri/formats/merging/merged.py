@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adapters.imported import read_at
 from aatri.arrays import Int
 from aatri.artifacts.block import CONTROL, Block
 from aatri.errors import InputError, raise_all
@@ -187,7 +186,7 @@ def _reconciled(a: Block, name: str, first: Any, second: Any, pairs: DifferingRo
 def _reader(b: Block, name: str) -> Callable[[int], str]:
     """Where a row of a table was read."""
     table: Any = getattr(b, name)
-    return lambda k: read_at(b, table, k) if hasattr(table, "file") else ""
+    return lambda k: b.read_at(table, k) if hasattr(table, "file") else ""
 
 
 def _namer(b: Block, name: str) -> Callable[[int], str]:

@@ -25,7 +25,6 @@ from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import staying_out
 from aatri.camera.models.forward_models import PARAMETERS
 from aatri.camera.pixels import half_format_mm, mm_from_pixel
 from aatri.errors import GeometryError, InputError
@@ -294,6 +293,6 @@ def _rejected(solution: Solution, n: int) -> Bool:
     rejected = np.zeros(n, dtype=bool)
     table, suspects = solution.residuals, solution.suspects
     rejected[table.row[(table.kind == "image_point") & ~table.active & (table.row >= 0)]] = True
-    named = (suspects.kind == "image_point") & staying_out(suspects) & (suspects.row >= 0)
+    named = (suspects.kind == "image_point") & suspects.staying_out & (suspects.row >= 0)
     rejected[suspects.row[named]] = True
     return rejected

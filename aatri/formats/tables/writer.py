@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from aatri.adapters.imported import sight_name
 from aatri.arrays import Float
 from aatri.artifacts.block import OBSERVED_VALUE, Block
 from aatri.errors import ResourceError
@@ -195,7 +194,7 @@ def _of_exterior(block: Block) -> dict[str, Cells]:
 def _of_geodetic(block: Block) -> dict[str, Cells]:
     rows, rejected = block.geodetic, _rejected(block, "geodetic")
     axis = {f"d{own}": f"d{table}" for own, table in _axis_names(block).items()}
-    used = [a or sight_name(rows, k) in rejected for k, a in enumerate(rows.active.tolist())]
+    used = [a or rows.called(k) in rejected for k, a in enumerate(rows.active.tolist())]
     return {"type": _text(axis.get(t, t) for t in rows.type.tolist()), "active": ["" if u else "no" for u in used]}
 
 

@@ -18,7 +18,7 @@ errors are left. Where strips agree better than the standard deviations of their
 stages before have told of their image points: here that is a note.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,6 +55,16 @@ FIFTH_OF_FOUR, FAR_LESS = 0.2**4, 0.5
 """Of the r-th power of a share of a deformation, and of the share itself, below which what was left out bent the body:
 a fifth of four residuals, and of many no more than a half. The fourth part of normal residuals that is farthest off
 leaves 0.61 of their RMS to the others, by itself: (1 - 2 z phi(z) / 0.75)^0.5 with z = 1.15, beyond which that is."""
+
+CALLED = {
+    "control": "control point {1}",
+    "position": "position of image {0}",
+    "attitude": "attitude of image {0}",
+    "strip_tie": "point {1} in strip {0}",
+    "model_tie": "point {1} in model {0}",
+    "perspective_centre": "centre of image {1} in model {0}",
+}
+"""What messages call an observation of a kind, by its ids of image (or body) and point."""
 
 OF_GIVEN = "of control, the deformation counted,"
 
@@ -195,16 +205,27 @@ def given_note(tied: TiedResult) -> Note:
     return sigma0_note(test, OF_GIVEN)
 
 
-def search_notes(tied: TiedResult, names: Callable[[TiedResult, Int], Sequence[str]], what: str) -> list[Note]:
-    """What the search for gross errors leaves open; `names` are what messages call some of the observations."""
+def search_notes(tied: TiedResult, what: str) -> list[Note]:
+    """What the search for gross errors leaves open."""
     notes = []
     kept = np.flatnonzero(tied.above)
     if len(kept):
         text = f"{what}: above the limit but not rejected, as too little else controls them or too many are rejected"
-        notes.append(Note("warning", text, tuple(names(tied, kept))))
+        notes.append(Note("warning", text, tuple(names_of(tied, kept))))
     if tied.bent.any():
         text = f"{what}: {several(int(tied.bent.sum()), 'tie')} above the limit stay: they agree with those beside them"
         notes.append(Note("note", f"{text}, where their bodies bend"))
     if not tied.settled:
         notes.append(Note("warning", f"{what}: the search for gross errors was broken off before it settled"))
     return notes
+
+
+def names_of(result: TiedResult, rows: Int) -> list[str]:
+    """What messages call some of all observations."""
+    texts = []
+    for row in rows.tolist():
+        k = int(np.searchsorted(result.problem.edges, row, side="right")) - 1
+        o = result.problem.observed[k]
+        image, point = o.names(np.array([row - result.problem.edges[k]]))
+        texts.append(CALLED.get(o.kind, f"{o.kind} {{0}}{{1}}").format(image[0], point[0]))
+    return texts

@@ -17,14 +17,14 @@ from aatri.errors import GeometryError
 from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity, transform
 from aatri.ids import shown
-from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows, residuals_mm
 from aatri.observations.image_points import observed_image_points
 from aatri.observations.observed import named
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.settings import BundleSettings
-from aatri.orientation.graph.triangulation import LIMIT, intersected, residuals_mm
+from aatri.orientation.graph.triangulation import LIMIT, intersected
 from aatri.progress import SILENT, Reporter
 
 ALIKE = 0.3

@@ -10,7 +10,7 @@ import numpy as np
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.vectors import unit
-from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows, residuals_mm
 from aatri.observations.poses import Poses
 
 ROUNDS = 12
@@ -102,16 +102,6 @@ def contradicting(rays: ImagePointRows, poses: Poses, xyz: Float, spread: float)
     off = residuals_mm(rays, rows, poses, met) / rays.sigma_mm[rows].mean(axis=1)
     far = np.bincount(place, ~(off <= LIMIT * max(spread, 1.0))) > 0
     return rows[far[place]]
-
-
-def residuals_mm(rays: ImagePointRows, rows: Int, poses: Poses, xyz: Float) -> Float:
-    """Distance of image points from where their point is seen, mm; inf behind the image, NaN without a point."""
-    image, point = rays.image[rows], rays.point[rows]
-    w = xyz[point] - poses.position_m[image]
-    u = np.einsum("nji,nj->ni", poses.ground_from_image[image], w)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        v = -rays.c_mm[rows, None] * u[:, :2] / u[:, 2:] - rays.xy_mm[rows]
-    return np.asarray(np.where(u[:, 2] >= 0, np.inf, np.linalg.norm(v, axis=1)))
 
 
 def _worst(size: Float, point: Int, n_points: int) -> Int:

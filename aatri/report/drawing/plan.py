@@ -9,7 +9,6 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import staying_out
 from aatri.ids import rows_of, several, shown
 from aatri.report.drawing.picture import Marks, Picture
 from aatri.report.drawing.rays import principal_distances, seen_from, used_rays
@@ -146,7 +145,7 @@ def rejected_control(solution: Solution | None) -> list[str]:
     if solution is None:
         return []
     s = solution.suspects
-    return sorted(set(s.point[staying_out(s) & (s.kind == "control")].tolist()))
+    return sorted(set(s.point[s.staying_out & (s.kind == "control")].tolist()))
 
 
 def roles(block: Block) -> Int:

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Rejects
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import staying_out
 from aatri.report.view.numbers import in_trade_unit, number, spoken
 from aatri.report.view.run_view import RESULTS
 from aatri.units import DASH, alike, decimals, digits, rms_alike
@@ -165,7 +164,7 @@ def observation_classes(solution: Solution) -> PageTable | None:
     """
     residuals, tests = solution.residuals, solution.tests
     sigma0 = float(solution.sigma0) if solution.redundancy else np.nan
-    out = solution.suspects.kind[staying_out(solution.suspects)]  # also of points that have no other ray any more
+    out = solution.suspects.kind[solution.suspects.staying_out]  # also of points that have no other ray any more
     rows = []
     for kind in residuals.kinds:
         used = residuals.used(kind)

@@ -34,7 +34,6 @@ from scipy.stats import chi2
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import staying_out
 from aatri.errors import AatriError
 from aatri.progress import Silent
 from aatri.stages.absolute_orientation.similarity import similarity
@@ -231,5 +230,5 @@ def lost_of(scene: Scene, block: Block, solution: Solution) -> tuple[int, int]:
 
 def _left_out(solution: Solution) -> set[tuple[str, str, str]]:
     s = solution.suspects
-    out = staying_out(s) & ~np.isin(s.kind, ("model_tie", "strip_tie"))  # of the stages before, made of image points
+    out = s.staying_out & ~np.isin(s.kind, ("model_tie", "strip_tie"))  # of the stages before, made of image points
     return set(zip(s.kind[out].tolist(), s.image[out].tolist(), s.point[out].tolist()))

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.adapters.ground.ground_observed import GroundObserved, oriented_by
-from aatri.adapters.ground.one_left_out import oriented_by_the_others
 from aatri.artifacts.builder import block_of
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.orientation.bodies.absolute import OrientationSettings
 from aatri.orientation.bodies.datum_analysis import OpenDatumError
+from aatri.orientation.bodies.ground_observed import GroundObserved, oriented_by
+from aatri.orientation.bodies.one_left_out import oriented_by_the_others
 from tests.orientation.bodies.made_body import ALL, CORNERS, HEIGHT, LIMIT, PLAN, TRUE, MadeBody, active, off_m
 
 
@@ -172,7 +172,7 @@ def test_what_all_observations_leave_open_is_refused_without_a_trial_of_fewer(mo
     ground, settings = on_ground(made), OrientationSettings(LIMIT, stiff=True)
     with pytest.raises(OpenDatumError, match=r"not determined: .*rotation about Z") as failure:
         oriented_by(ground, made.body, settings, "component 1")
-    monkeypatch.setattr("aatri.adapters.ground.one_left_out.oriented_by", None)  # nothing calls it
+    monkeypatch.setattr("aatri.orientation.bodies.one_left_out.oriented_by", None)  # nothing calls it
     with pytest.raises(OpenDatumError) as same:
         oriented_by_the_others(ground, made.body, settings, "component 1", failure.value)
     assert same.value is failure.value

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.adapters.ground.ground_fit import _stretch
 from aatri.orientation.bodies.datum_analysis import GivenPlaces
+from aatri.orientation.bodies.ground_fit import _stretch
 from aatri.orientation.bodies.height_factor import height_factor
 
 

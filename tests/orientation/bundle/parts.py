@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adapters.bundle.bundle_input import origin_of
+from aatri.adapters.bundle.block_start import origin_of
 from aatri.adjustment.settings import SolverSettings
 from aatri.observations.control import Control, observed_control
 from aatri.observations.image_point_rows import ImagePointRows

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.adapters.bundle.bundle_input import origin_of
+from aatri.adapters.bundle.block_start import origin_of
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.s_transformation import s_transformation
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenError

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aatri.adapters.ground.component_bodies import FREE_SHARE, principal_distance_shares
 from aatri.geometry.similarity import transform
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.graph.component import ImageComponent
+from aatri.orientation.graph.component_bodies import FREE_SHARE, principal_distance_shares
 from aatri.orientation.graph.differences import fitted, fitted_robustly
 from aatri.orientation.graph.directions import CENTRE, POINT, _across, adjusted_directions
 from aatri.orientation.graph.few_points import by_few_points

@@ -12,7 +12,6 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import staying_out
 from aatri.errors import GeometryError
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.initial_orientation.graph import graph
@@ -189,5 +188,5 @@ def test_one_position_of_four_hundreds_of_metres_off_is_rejected_and_bends_no_st
     small.observed = dict.fromkeys(["101", "102", "104", "107"], "XYZ")
     small.position_m["107"] = small.position_m["107"] + np.array([300.0, 0.0, 0.0])
     s = adjusted_by("chain", small.write(tmp_path / "block")).initial.suspects
-    assert s.image[(s.kind == "position") & staying_out(s)].tolist() == ["107"]
-    assert not ((s.kind == "control") & staying_out(s)).any()
+    assert s.image[(s.kind == "position") & s.staying_out].tolist() == ["107"]
+    assert not ((s.kind == "control") & s.staying_out).any()

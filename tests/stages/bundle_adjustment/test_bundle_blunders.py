@@ -10,7 +10,7 @@ import pytest
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.suspects import Suspects
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.chain import Chain, run_chain, simulated
 from tests.stages.film_blocks import Told
@@ -160,7 +160,7 @@ def test_of_a_kind_with_more_wrong_than_the_share_allows_all_stay_and_are_told(c
     block = replace(chain.block, ground_points=replace(g, xyz_m=xyz))
     options = BundleOptions(interior_unknowns=True, blunders={"method": "data_snooping", "max_share": 0.05})
     solution = bundle(block, chain.refined, _unsuspecting(chain.strip_block), options=options, context=told)
-    out = (solution.suspects.kind == "control") & staying_out(solution.suspects)
+    out = (solution.suspects.kind == "control") & solution.suspects.staying_out
     assert not out.any()  # never an arbitrary part
     (line,) = [line for line in told.warnings if line.startswith("control:") and "kept: more than 5%" in line]
     names = block.points.id[g.point[rows[2:5]]]
@@ -178,7 +178,7 @@ def test_several_wrong_control_points_are_found_without_any_option(chain: Chain,
     block = replace(chain.block, ground_points=replace(g, xyz_m=xyz))
     solution = bundle(block, chain.refined, _unsuspecting(chain.strip_block), options=BundleOptions())
     s = solution.suspects
-    assert s.row[(s.kind == "control") & staying_out(s)].tolist() == rows.tolist()
+    assert s.row[(s.kind == "control") & s.staying_out].tolist() == rows.tolist()
     assert 0.97 < solution.sigma0 < 1.03
 
 
@@ -294,5 +294,5 @@ def _wide_angle(seed: int) -> Block:
 def _left_out(block: Block) -> set[tuple[str, str]]:
     """Images and points of what the bundle of the whole chain leaves out."""
     suspects = run_chain(block).bundle.suspects
-    out = staying_out(suspects)
+    out = suspects.staying_out
     return set(zip(suspects.image[out].tolist(), suspects.point[out].tolist()))

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import staying_out
 from aatri.report.sections.reliability import reliability_tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.chain import Chain, run_chain, simulated
@@ -123,7 +122,7 @@ def test_image_points_of_points_of_two_rays_are_listed_as_uncontrolled(chain: Ch
 def staying_in(chain: Chain) -> np.ndarray:
     out = chain.bundle.suspects
     return chain.refined.measurements.active & ~np.isin(
-        np.arange(len(chain.refined.measurements)), out.row[(out.kind == "image_point") & staying_out(out)]
+        np.arange(len(chain.refined.measurements)), out.row[(out.kind == "image_point") & out.staying_out]
     )
 
 

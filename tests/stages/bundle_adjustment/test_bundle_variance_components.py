@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aatri.adapters.bundle.bundle_input import bundle_input, observation_source
-from aatri.adapters.bundle.variance_groups import variance_groups
+from aatri.adapters.bundle.bundle_input import bundle_input, observation_source, variance_groups
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.stages.bundle_adjustment._variance_components import VarianceComponentOptions

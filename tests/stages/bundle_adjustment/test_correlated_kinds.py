@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from aatri.artifacts.suspects import staying_out
 from aatri.stages.block.tables import TablesOptions, tables
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.small_blocks import adjusted_by, flown
@@ -109,7 +108,7 @@ def test_a_wrong_point_of_correlated_control_goes_alone(tmp_path: Path, seed: in
     without = adjusted_by("graph", _of_a_network(tmp_path / "without", seed, off={}, less="p21"))
     assert any("control point p21 is off by" in text for text in done.warnings)
     suspects = done.bundle.suspects
-    out = suspects.point[(suspects.kind == "control") & staying_out(suspects)]
+    out = suspects.point[(suspects.kind == "control") & suspects.staying_out]
     assert out.tolist() == ["p21"]
     np.testing.assert_allclose(suspects.error[suspects.point == "p21"], [off], atol=0.15)
     of = {p: k for k, p in enumerate(without.bundle.points.id.tolist())}
@@ -129,7 +128,7 @@ def test_exchanged_numbers_of_correlated_control_stay_out(tmp_path: Path, chain:
     apart = small.xyz_m["C4"] - small.xyz_m["p10"]
     done = adjusted_by(chain, _of_a_network(tmp_path / "block", seed, off={"p10": apart, "C4": -apart}))
     suspects = done.bundle.suspects
-    assert set(suspects.point[(suspects.kind == "control") & staying_out(suspects)].tolist()) == {"p10", "C4"}
+    assert set(suspects.point[(suspects.kind == "control") & suspects.staying_out].tolist()) == {"p10", "C4"}
     assert 0.8 < done.bundle.sigma0 < 1.2
 
 
@@ -138,7 +137,7 @@ def test_exchanged_numbers_of_correlated_control_stay_out(tmp_path: Path, chain:
 def test_covariances_of_control_that_are_too_small_are_scaled_and_cost_no_point(tmp_path: Path, seed: int) -> None:
     """A fifth of the true standard deviations; so for single points, whose class has a scale."""
     done = adjusted_by("graph", _of_a_network(tmp_path / "block", seed, off={}, stated=0.2))
-    assert not staying_out(done.bundle.suspects).any()
+    assert not done.bundle.suspects.staying_out.any()
     scaled = [text for text in done.warnings if "standard deviations do not fit the residuals" in text]
     (factor,) = (float(re.search(r": control ([\d.]+)$", text)[1]) for text in scaled)
     assert 5 / 1.6 < factor < 5 * 1.6  # 24 coordinates, of which some 18 are redundant

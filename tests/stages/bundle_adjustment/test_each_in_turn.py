@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import staying_out
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.bundle_adjustment.test_bundle_input import CORNERS, OF
 from tests.stages.hand_block import Heard, ground_rows, read, start, suspected
@@ -44,7 +43,7 @@ def _called(bar: int) -> str:
 
 def _out(solution: Solution, kind: str) -> list[int]:
     s = solution.suspects
-    return sorted(s.row[(s.kind == kind) & staying_out(s)].tolist())
+    return sorted(s.row[(s.kind == kind) & s.staying_out].tolist())
 
 
 @pytest.mark.slow

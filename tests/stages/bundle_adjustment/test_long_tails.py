@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.suspects import Suspects
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.campaigns.false_alarms import KINDS, left_out
 from tests.campaigns.legal.cell import cell_of
@@ -82,7 +82,7 @@ def test_an_image_that_is_measured_badly_is_weighted_so_and_blames_nothing_else(
     name = str(block.images.id[blurred])
     (factor,) = re.findall(rf"of image {name}: its errors are ([\d.]+) times", " ".join(notes.warnings))
     assert 5.5 < float(factor) < 11.0
-    out = made.suspects.take(staying_out(made.suspects))
+    out = made.suspects.take(made.suspects.staying_out)
     assert not set(out.kind.tolist()) - {"image_point", "model_tie", "strip_tie"}  # ties are made of such points
     assert set(out.image[out.kind == "image_point"].tolist()) <= {name}
 
@@ -113,7 +113,7 @@ def test_gross_errors_of_moderate_size_are_no_long_tail() -> None:
         initial = replace(chain.strip_block, suspects=Suspects.empty())
         solution = bundle(chain.block, points, initial, options=BundleOptions(interior_unknowns=True))
         s = solution.suspects
-        found.append(np.isin(bad, s.row[(s.kind == "image_point") & staying_out(s)]).mean())
+        found.append(np.isin(bad, s.row[(s.kind == "image_point") & s.staying_out]).mean())
         sigma0.append(solution.sigma0)
     assert np.mean(found) > 0.9
     assert 0.95 < np.mean(sigma0) < 1.1

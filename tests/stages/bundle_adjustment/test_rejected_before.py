@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from aatri.adapters.bundle.bundle_input import rays_of_rejected_ties
-from aatri.artifacts.suspects import staying_out
 from aatri.errors import ConvergenceError
 from aatri.stages.bundle_adjustment import _adjusted
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
@@ -277,7 +276,7 @@ def test_gross_errors_that_come_back_do_not_bring_the_others_back() -> None:
     initial = graph(block, points, rng=np.random.default_rng(1))
     wrong = set(block.gross_errors.row.tolist())
     before, solution = initial.suspects, bundle(block, points, initial)
-    found = [set(s.row[staying_out(s) & (s.kind == "image_point")].tolist()) for s in (before, solution.suspects)]
+    found = [set(s.row[s.staying_out & (s.kind == "image_point")].tolist()) for s in (before, solution.suspects)]
     assert len(found[0] & wrong) >= 10
     assert len(found[1] & wrong) >= 0.9 * len(found[0] & wrong)
     assert solution.sigma0 < 1.15

@@ -10,7 +10,7 @@ import pytest
 
 from aatri.adapters.suspects import inherited
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.suspects import Suspects
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.small_blocks import adjusted_by, flown
 from tests.stages.chain import Chain, run_chain, simulated
@@ -57,7 +57,7 @@ def test_wrong_control_that_its_rays_could_be_taken_for_is_told_from_them_by_the
 ) -> None:
     row = int(np.flatnonzero((fourth.block.ground_points.role == 1).all(axis=1))[point])
     s = _with_wrong_control(fourth, row)[0].suspects
-    out = staying_out(s)
+    out = s.staying_out
     assert list(zip(s.kind[out].tolist(), s.row[out].tolist())) == [("control", row)]
 
 
@@ -108,8 +108,8 @@ def test_a_wrong_control_point_of_two_is_found_where_four_points_tie_two_strips(
     small.xyz_m["C1"] = small.xyz_m["C1"] + np.array([0.0, 90.0, 0.0])
     done = adjusted_by("chain", small.write(tmp_path / "block")).bundle
     s = done.suspects
-    assert s.point[(s.kind == "control") & staying_out(s)].tolist() == ["C1"]
-    assert not ((s.kind == "position") & staying_out(s)).any()
+    assert s.point[(s.kind == "control") & s.staying_out].tolist() == ["C1"]
+    assert not ((s.kind == "position") & s.staying_out).any()
     assert done.sigma0 < 1.3
 
 
@@ -124,7 +124,7 @@ def test_data_snooping_begins_robustly_where_least_squares_do_not_converge(tmp_p
     done = adjusted_by("chain", small.write(tmp_path / "block"), blunders="data_snooping")
     assert done.bundle.sigma0 < 1.1
     s = done.bundle.suspects
-    assert {a, b} <= set(s.point[(s.image == "203") & staying_out(s)].tolist())
+    assert {a, b} <= set(s.point[(s.image == "203") & s.staying_out].tolist())
     assert any("the search began with a robust adjustment" in line for line in done.lines)
 
 
@@ -138,7 +138,7 @@ def test_two_control_points_of_two_that_are_exchanged_stay_out_beside_positions_
     written.write_text(text)
     done = adjusted_by("graph", tmp_path / "block")
     s = done.bundle.suspects
-    assert s.point[(s.kind == "control") & staying_out(s)].tolist() == ["C1", "C4"]
+    assert s.point[(s.kind == "control") & s.staying_out].tolist() == ["C1", "C4"]
     assert done.bundle.images.oriented.all()
     assert done.bundle.sigma0 < 1.2
     assert any("fit with their numbers exchanged" in text for text in done.warnings)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aatri.adapters.bundle.candidate_groups import strips_with_part_of_a_camera
-from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.suspects import Suspects
 from aatri.errors import ConvergenceError
 from aatri.orientation.bundle.block import LINE, ImageGroups
 from aatri.orientation.bundle.groups.candidates import Candidates, Cause
@@ -66,7 +66,7 @@ def test_a_weight_does_not_hide_that_a_principal_distance_is_wrong_and_rays_come
     suspects = bundle(block, flown.refined, initial, options=options, context=told).suspects
     (text,) = _groups_named(tuple(told.warnings))
     assert "a principal distance of 8.79" in text or "a principal distance of 8.80" in text
-    assert np.isin(suspects.row[staying_out(suspects)], rows).sum() == 0
+    assert np.isin(suspects.row[suspects.staying_out], rows).sum() == 0
 
 
 @pytest.mark.parametrize("way", [strip_affinity, image_affinity])
@@ -99,7 +99,7 @@ def test_a_strip_that_was_zoomed_costs_neither_control_nor_positions(declared: b
     told = Told()
     solution = bundle(block, points, start, options=BundleOptions(max_sigma0=1e9), context=told)
     s: Suspects = solution.suspects
-    assert not np.isin(s.kind[staying_out(s)], ("control", "position")).any()
+    assert not np.isin(s.kind[s.staying_out], ("control", "position")).any()
     (text,) = _groups_named(tuple(told.warnings))
     name = f"image points of {of_strip} ask for a principal distance of 9.24"
     assert name in text

@@ -10,7 +10,7 @@ import pytest
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
-from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.suspects import Suspects
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.small_blocks import adjusted_by, flown
 from tests.stages.bundle_adjustment.test_bundle_input import CORNERS
@@ -57,8 +57,8 @@ def test_positions_of_a_whole_strip_that_are_off_are_named_with_their_shift(chai
     assert "all 6 are left out" in line
     assert "drift: shift, per: strip" in line
     s = solution.suspects
-    assert set(s.row[staying_out(s)].tolist()) == set(rows.tolist())
-    assert set(s.kind[staying_out(s)].tolist()) == {"position"}
+    assert set(s.row[s.staying_out].tolist()) == set(rows.tolist())
+    assert set(s.kind[s.staying_out].tolist()) == {"position"}
     assert solution.sigma0 < 1.1
 
 
@@ -76,7 +76,7 @@ def test_a_principal_distance_that_is_wrong_is_named_with_the_right_one_and_no_r
     assert abs(float(value) - right) < 4 * float(sigma)
     assert line.startswith("the result contradicts its own tests")
     assert solution.contradictions == 1
-    assert not staying_out(solution.suspects).any()
+    assert not solution.suspects.staying_out.any()
 
 
 def test_image_points_near_each_other_that_are_moved_together_are_all_left_out(chain: Chain) -> None:
@@ -93,8 +93,8 @@ def test_image_points_near_each_other_that_are_moved_together_are_all_left_out(c
     (line,) = [text for text in told.warnings if text.startswith("neighbourhood of")]
     assert f"in image {chain.block.images.id[image]}" in line
     s = solution.suspects
-    assert set(rows.tolist()) <= set(s.row[(s.kind == "image_point") & staying_out(s)].tolist())
-    assert staying_out(s).sum() <= len(rows) + 3
+    assert set(rows.tolist()) <= set(s.row[(s.kind == "image_point") & s.staying_out].tolist())
+    assert s.staying_out.sum() <= len(rows) + 3
 
 
 def test_images_with_each_other_s_position_are_named_and_nothing_else_goes(chain: Chain) -> None:
@@ -105,7 +105,7 @@ def test_images_with_each_other_s_position_are_named_and_nothing_else_goes(chain
     (line,) = [text for text in told.warnings if "fit if their numbers are exchanged" in text]
     assert all(chain.block.images.id[e.image[row]] in line for row in (3, 9))
     s = solution.suspects
-    assert set(s.row[staying_out(s)].tolist()) == {3, 9}
+    assert set(s.row[s.staying_out].tolist()) == {3, 9}
     assert solution.sigma0 < 1.1
 
 
@@ -121,7 +121,7 @@ def test_positions_against_control_are_told_and_the_rays_of_control_do_not_go_fo
     solution, told = _adjusted(chain, block)
     assert any("positions and control differ by a constant: positions less control 1.5" in t for t in told.warnings)
     s = solution.suspects
-    out = s.point[(s.kind == "image_point") & staying_out(s)]
+    out = s.point[(s.kind == "image_point") & s.staying_out]
     control = block.points.id[block.ground_points.point[(block.ground_points.role == 1).any(axis=1)]]
     assert np.isin(control, out).sum() <= 2
 
@@ -136,7 +136,7 @@ def test_exchanged_control_leaves_room_to_reject_another(chain: Chain) -> None:
     xyz[rows[2], 2] += 1.0
     solution, told = _adjusted(chain, replace(chain.block, ground_points=replace(g, xyz_m=xyz)))
     s = solution.suspects
-    assert set(s.row[(s.kind == "control") & staying_out(s)].tolist()) == set(rows.tolist())
+    assert set(s.row[(s.kind == "control") & s.staying_out].tolist()) == set(rows.tolist())
     names = chain.block.points.id[g.point[rows]]
     (line,) = [text for text in told.warnings if "fit if their numbers are exchanged" in text]
     assert all(name in line for name in names[:2])
@@ -165,7 +165,7 @@ def test_ten_per_cent_of_gross_errors_are_found_without_any_option(chain: Chain)
     initial = replace(chain.strip_block, suspects=Suspects.empty())
     solution = bundle(chain.block, points, initial, options=OPTIONS)
     s = solution.suspects
-    out = s.row[(s.kind == "image_point") & staying_out(s)]
+    out = s.row[(s.kind == "image_point") & s.staying_out]
     assert np.isin(bad, out).mean() > 0.95
     assert 0.9 < solution.sigma0 < 1.1
 
@@ -184,7 +184,7 @@ def test_two_of_six_control_points_exchanged_are_named_by_the_whole_chain_withou
     xyz = g.xyz_m.copy()
     xyz[rows] = xyz[rows[::-1]]
     s = run_chain(replace(block, ground_points=replace(g, xyz_m=xyz))).bundle.suspects
-    assert set(s.row[(s.kind == "control") & staying_out(s)].tolist()) == set(rows.tolist())
+    assert set(s.row[(s.kind == "control") & s.staying_out].tolist()) == set(rows.tolist())
 
 
 @pytest.mark.slow
@@ -213,7 +213,7 @@ def test_exchanged_control_is_not_taken_for_the_third_point_where_positions_drif
     chain = run_chain(block)
     solution = bundle(block, chain.refined, chain.strip_block, context=told)
     s = solution.suspects
-    assert set(s.row[(s.kind == "control") & staying_out(s)].tolist()) == set(rows.tolist())
+    assert set(s.row[(s.kind == "control") & s.staying_out].tolist()) == set(rows.tolist())
     assert solution.sigma0 < 1.1
     assert not any("off the terrain" in text for text in told.warnings)  # spheres stand on it
 

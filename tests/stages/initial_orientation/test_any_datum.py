@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aatri.artifacts.suspects import staying_out
 from aatri.errors import ConvergenceError, GeometryError
 from tests.small_blocks import Small, adjusted_by, flown, measure, off_m, two_apart
 
@@ -270,7 +269,7 @@ def test_few_points_hold_an_image_so_loosely_that_its_position_and_control_are_n
     small = flown(2, 5, seed=seed, points=5, relief_m=100.0)
     small.attitudes = list(small.strip)
     s = adjusted_by("graph", small.write(tmp_path / "block")).initial.suspects
-    assert not (staying_out(s) & (s.kind != "image_point")).any()
+    assert not (s.staying_out & (s.kind != "image_point")).any()
 
 
 def test_a_lever_arm_of_given_weight_goes_with_positions_that_contradict_all_else(tmp_path: Path) -> None:

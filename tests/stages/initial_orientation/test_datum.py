@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aatri.adapters.ground.initial_tests import left_out_table
+from aatri.adapters.ground.initial_solution import left_out_table
 from aatri.artifacts.block import CONTROL, Block, Geodetic
 from aatri.artifacts.solution import Solution
 from aatri.observations.control import Control, observed_control

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aatri.adapters.ground.initial_orientation import _look_down
 from aatri.errors import GeometryError
 from aatri.observations.poses import Poses
+from aatri.orientation.graph.to_ground import _look_down
 from tests.small_blocks import Small, adjusted_by, flown, off_m
 
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.artifacts.suspects import staying_out
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.relative_orientation.dependent import dependent
@@ -45,7 +44,7 @@ def test_guessed_sigmas_cost_no_good_point(factor: float, method: Any) -> None:
     absolute = similarity(block, strips, points)
     strip_block = polynomial(block, points, strips, absolute)
     assert len(models.unformed) == 0
-    lost = staying_out(strip_block.suspects)
+    lost = strip_block.suspects.staying_out
     assert lost.sum() <= 0.003 * len(models.model_points), strip_block.suspects.kind[lost]
     if factor < 1:
         [line] = [line for line in told.lines if "times the standard deviations of the image points" in line]
@@ -64,7 +63,7 @@ def test_gross_errors_are_still_found_with_guessed_sigmas() -> None:
     xy[wrong, 0] += rng.choice([-1.0, 1.0], len(wrong)) * 60 * m.sigma_mm[wrong, 0]  # 30 true sigmas across the flight
     models = dependent(block, replace(points, measurements=replace(m, xy_mm=xy)))
     s = models.suspects
-    out = set(s.point[staying_out(s)].tolist())
+    out = set(s.point[s.staying_out].tolist())
     named = set(block.points.id[m.point[wrong]].tolist())
     assert len(out - named) <= 0.003 * len(models.model_points)
     assert len(named & out) > 0.9 * len(named)

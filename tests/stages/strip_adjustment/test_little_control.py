@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.artifacts.suspects import staying_out
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.image_refinement.systematic import systematic
 from aatri.stages.interior_orientation.calibrated import calibrated
@@ -81,5 +80,5 @@ def test_long_strips_of_a_block_without_gross_errors_lose_no_control_and_no_tie(
     models = dependent(block, points)
     strips = scale_transfer(block, models)
     solution = polynomial(block, points, strips, similarity(block, strips, points), context=heard)
-    assert not staying_out(solution.suspects).any()
+    assert not solution.suspects.staying_out.any()
     assert not [line for line in heard.warnings if "above the limit" in line or "rejected" in line]

@@ -1,4 +1,4 @@
-"""Absolute orientation of the strips of a block: artifacts to components, and components to a Solution."""
+"""Absolute orientation of the strips of a block: joined to components, and each of these by what is observed of it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.ground.absolute_datum import (
+from aatri.adjustment.threads import one_blas_thread
+from aatri.errors import ConvergenceError, GeometryError
+from aatri.notes import Note
+from aatri.observations.positions import KIND as POSITION
+from aatri.orientation.bodies.absolute import OrientationSettings, Start
+from aatri.orientation.bodies.absolute_datum import (
     Failed,
     OrientedPart,
     StripsOfBlock,
@@ -17,15 +22,10 @@ from aatri.adapters.ground.absolute_datum import (
     parts_together,
     pooled,
 )
-from aatri.adapters.ground.ground_fit import distant_start, fit_notes, height_notes, misfitting_strips
-from aatri.adapters.ground.ground_observed import BEGUN_LEVEL
-from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adjustment.threads import one_blas_thread
-from aatri.errors import ConvergenceError, GeometryError
-from aatri.notes import Note
-from aatri.observations.positions import KIND as POSITION
-from aatri.orientation.bodies.absolute import OrientationSettings, Start
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
+from aatri.orientation.bodies.ground_fit import distant_start, fit_notes, height_notes, misfitting_strips
+from aatri.orientation.bodies.ground_observed import BEGUN_LEVEL
+from aatri.orientation.bodies.strips_as_bodies import strip_points_of, usable_ties
 from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
 
 MISFIT_SHARE = 4
@@ -220,10 +220,10 @@ def _joined_and_oriented(
     names = strips.strips.id.tolist()
     settings = OrientationSettings(joining.control_limit, start=joining.start)
     free = join_strips(
-        pieces.strip_points_of(strips),
+        strip_points_of(strips),
         names,
         point_ids=strips.points.id,
-        active=pieces.usable_ties(strips),
+        active=usable_ties(strips),
         limit=joining.tie_limit,
         weakly=weakly,
         apart=joining.apart + joining.left_out,

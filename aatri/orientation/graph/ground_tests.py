@@ -1,18 +1,17 @@
 """What of control, positions, distances and attitudes fits an initial orientation: residuals, suspects and notes."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.adapters.ground.ground_observed import DISTANCES, Chosen, GroundObserved, strain
-from aatri.adapters.solution import suspect_rows
 from aatri.adjusting.added_variance import observed_components
 from aatri.adjustment.statistics.limits import OFF_SIGMAS
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
-from aatri.artifacts.block import Block
-from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
 from aatri.geometry.similarity import UNKNOWNS, Similarity
 from aatri.ids import several
@@ -28,14 +27,14 @@ from aatri.orientation.bodies.absolute import OrientedBody
 from aatri.orientation.bodies.datum_analysis import given_places
 from aatri.orientation.bodies.deformation import START
 from aatri.orientation.bodies.free_body import FreeBody
+from aatri.orientation.bodies.ground_observed import DISTANCES, Chosen, GroundObserved, strain
 from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
 from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.on_ground import fits_bent
 
-STAGE = "initial_orientation"
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
 
-LEAST_SIGMA = 1e-6
-"""Of what is exact, m or rad."""
 
 CONTRADICTED = 0.02
 """Deformation of a component, as a share of the distance of the images, beyond which scarce observations, or points
@@ -53,16 +52,6 @@ def residuals_at(state: State, o: Observed) -> Float:
     """A component on the ground, reduced to the origin, minus what is observed of it; NaN where not observed."""
     v = o.records.evaluate({**o.start, **state}, np.arange(len(o)))[0]
     return np.where(np.isfinite(o.sigmas()), v, np.nan)
-
-
-def left_out_table(o: Observed, residual: Float) -> Suspects:
-    """All of one kind, left out as it contradicts all else: the bundle begins without it and tests it again."""
-    size, (image, point) = np.sqrt(np.nansum(residual**2, axis=1)), o.names(np.arange(len(o)))
-    test = np.sqrt(np.nanmean((residual / np.maximum(o.sigmas(), LEAST_SIGMA)) ** 2, axis=1))
-    sigma = np.where(test > 0, size / np.where(test > 0, test, 1.0), np.nan)
-    return suspect_rows(
-        STAGE, o.kind, image=image, point=point, row=o.row, size=size, unit=o.unit, sigma=sigma, test=test
-    )
 
 
 def contradicts(left: Sequence[Observed], state: State, limit: float, far_m: float) -> bool:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from aatri.arrays import Float, Text
-from aatri.artifacts.block import Block
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity, compose, transform
 from aatri.notes import Note
@@ -32,7 +31,7 @@ START_LIMIT = 5.0
 class _OnGround:
     """Components on the ground so far, reduced to the origin."""
 
-    block: Block
+    point_ids: Text
     control: Control
     free: FreeBlock
     what: list[str]
@@ -50,7 +49,7 @@ class _OnGround:
 
 
 def models_on_ground(
-    block: Block, control: Control, points: BodyPoints, names: Text, origin: Float, *, exchanged: bool = True
+    point_ids: Text, control: Control, points: BodyPoints, names: Text, origin: Float, *, exchanged: bool = True
 ) -> tuple[list[Similarity | None], list[Note]]:
     """Every model on the ground, reduced to the origin, about; None where its component is not determined.
 
@@ -59,9 +58,9 @@ def models_on_ground(
     GeometryError
         If none is; the message names what is missing.
     """
-    free = join_strips(points, names.tolist(), point_ids=block.points.id, limit=TIE_LIMIT, word="model")
+    free = join_strips(points, names.tolist(), point_ids=point_ids, limit=TIE_LIMIT, word="model")
     what = [strip_names(c, names.tolist(), "model") for c in free.components]  # the largest first
-    ground = _OnGround(block, control, free, what, origin, exchanged)
+    ground = _OnGround(point_ids, control, free, what, origin, exchanged)
     _orient(ground, level=False)
     if len(ground.oriented) < len(what):
         _orient(ground, level=True)
@@ -133,7 +132,7 @@ def _leave_out_undetermined(ground: _OnGround) -> None:
 
 def _oriented(ground: _OnGround, places: Control, component: Component, what: str, *, level: bool) -> Similarity:
     """A component laid onto the places of its points."""
-    ids = ground.block.points.id
+    ids = ground.point_ids
     observed, body = observed_control(places, ground.origin, ids[places.point]), _body(component, len(ids))
     upright = (levelled(np.array([0]), LEVEL_RAD, np.array([what])),) if level else ()
 

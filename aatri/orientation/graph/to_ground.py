@@ -1,38 +1,15 @@
 """Free components to the ground by all that is observed of it."""
 
+from __future__ import annotations
+
 import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.adapters.ground.component_bodies import body_of, oriented_at_datum_points, precision
-from aatri.adapters.ground.ground_fit import height_notes
-from aatri.adapters.ground.ground_observed import (
-    BEGUN_LEVEL,
-    DISTANCES,
-    HARDLY,
-    GroundObserved,
-    by_time_offsets,
-    everything,
-    oriented_by,
-    placed,
-    with_level_images,
-)
-from aatri.adapters.ground.initial_tests import (
-    attitude_notes,
-    contradiction_note,
-    contradicts,
-    deformation_notes,
-    fits_as_it_bends,
-    two_that_differ,
-    with_uncertain_distances,
-    without_one,
-)
-from aatri.adapters.ground.neighbouring_components import OnGround, by_neighbours, together
-from aatri.adapters.ground.one_left_out import oriented_by_the_others
 from aatri.arrays import finite_rows
-from aatri.artifacts.block import Block
 from aatri.codes import CONTROL as CONTROL_CODE
 from aatri.codes import OBSERVED_VALUE
 from aatri.errors import AatriError, ConvergenceError, GeometryError
@@ -47,9 +24,38 @@ from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody,
 from aatri.orientation.bodies.datum_analysis import OpenDatumError
 from aatri.orientation.bodies.datum_start import UPWARDS, Observe, typical_distance
 from aatri.orientation.bodies.deformation import START
+from aatri.orientation.bodies.ground_fit import height_notes
+from aatri.orientation.bodies.ground_observed import (
+    BEGUN_LEVEL,
+    DISTANCES,
+    HARDLY,
+    GroundObserved,
+    by_time_offsets,
+    everything,
+    oriented_by,
+    placed,
+    with_level_images,
+)
+from aatri.orientation.bodies.one_left_out import oriented_by_the_others
 from aatri.orientation.bodies.wrong_control import MirroredError
 from aatri.orientation.graph.component import ImageComponent, first_base_one
+from aatri.orientation.graph.component_bodies import body_of, oriented_at_datum_points, precision
+from aatri.orientation.graph.ground_tests import (
+    attitude_notes,
+    contradiction_note,
+    contradicts,
+    deformation_notes,
+    fits_as_it_bends,
+    two_that_differ,
+    with_uncertain_distances,
+    without_one,
+)
 from aatri.orientation.graph.joining import FEWEST
+from aatri.orientation.graph.neighbouring_components import OnGround, by_neighbours, together
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+
 
 IMAGES_ALONE = (
     "or orient the images to each other alone: here `use_positions: false`, in the bundle `datum: free` with "

@@ -1,25 +1,19 @@
 """A free component of strips as a body, and its orientation on the ground."""
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.adapters.ground.control_by_rays import ControlByRays, control_by_rays
-from aatri.adapters.ground.ground_observed import HARDLY, GroundObserved, oriented_by, with_level_images
-from aatri.adapters.ground.neighbouring_bodies import beside_neighbours, oriented_together
-from aatri.adapters.ground.one_left_out import oriented_by_the_others
-from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adapters.strips.tied_tables import names_of, not_rejected
 from aatri.adjusting.tied_adjustment import TiedResult
-from aatri.arrays import Bool, Float, Int
-from aatri.artifacts.block import Block
-from aatri.artifacts.image_points import ImagePoints
-from aatri.artifacts.strips import Strips
+from aatri.arrays import Bool, Int
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.geometry.similarity import Similarity, transform
+from aatri.geometry.similarity import Similarity
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.control import control_of
@@ -30,8 +24,19 @@ from aatri.observations.poses import Poses
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
 from aatri.orientation.bodies.components import TIE_LIMIT, Component, FreeBlock
+from aatri.orientation.bodies.control_by_rays import ControlByRays, control_by_rays
 from aatri.orientation.bodies.deformation import expected_ratio, search_notes
 from aatri.orientation.bodies.free_body import FreeBody
+from aatri.orientation.bodies.ground_observed import HARDLY, GroundObserved, oriented_by, with_level_images
+from aatri.orientation.bodies.neighbouring_bodies import beside_neighbours, oriented_together
+from aatri.orientation.bodies.one_left_out import oriented_by_the_others
+from aatri.orientation.bodies.strips_as_bodies import distance_m, free_images, not_rejected
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+    from aatri.artifacts.image_points import ImagePoints
+    from aatri.artifacts.strips import Strips
+
 
 EXTRAPOLATION_WARNED = 3.0
 """Times that errors of control are magnified, beyond which this is a warning."""
@@ -176,7 +181,7 @@ def part_notes(part: OrientedPart) -> list[Note]:
         text = f"{part.what}: control is in one part of it; its errors are magnified up to {factor:.1f} times"
         notes.append(Note("warning", text))
     for what, adjusted in part.adjusted():
-        notes += search_notes(adjusted, names_of, what)
+        notes += search_notes(adjusted, what)
     return notes
 
 
@@ -221,17 +226,5 @@ def _body(block: Block, strips: Strips, component: Component) -> FreeBody:
     typical = float(np.median(np.einsum("nii->n", component.covariance))) / 3
     table = strips.strip_images
     models = int(np.bincount(table.strip[np.isin(table.strip, component.strips)]).max(initial=1))
-    turned = expected_ratio(models) * np.sqrt(typical) / pieces.distance_m(centres, component.xyz)
+    turned = expected_ratio(models) * np.sqrt(typical) / distance_m(centres, component.xyz)
     return FreeBody(poses, xyz, covariance, np.tile(typical * np.eye(3), (n, 1, 1)), float(turned))
-
-
-def free_images(strips: Strips, component: Component) -> tuple[Float, Float, Int]:
-    """Projection centres and rotations of a component's images, in its frame; rows in images."""
-    table = strips.strip_images
-    rows = np.flatnonzero(np.isin(table.strip, component.strips))
-    centres, rotations = np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))
-    for strip, pose in zip(component.strips, component.component_from_strip):
-        of_strip = table.strip[rows] == strip
-        centres[of_strip] = transform(pose, table.position[rows[of_strip]])
-        rotations[of_strip] = pose.rotation @ table.strip_from_image[rows[of_strip]]
-    return centres, rotations, table.image[rows].astype(np.int64)

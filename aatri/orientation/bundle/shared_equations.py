@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adapters.bundle.information_observed import INFORMATION
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, finite_rows
@@ -19,6 +18,9 @@ from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import Participants, absent_coordinates, unknowns_of
 from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.orientation.bundle.seen_distances import on_their_rays
+
+INFORMATION = "information"
+"""Kind of what another block has handed over: it stands in the equations of that block."""
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adapters.ground.component_bodies import body_of
-from aatri.adapters.ground.ground_observed import GroundObserved, oriented_by, strain
-from aatri.adapters.ground.initial_tests import CONTRADICTED
-from aatri.adapters.ground.neighbouring_bodies import beside_neighbours, oriented_together
 from aatri.arrays import Text, finite_rows
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity
@@ -16,7 +12,11 @@ from aatri.ids import shown
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
+from aatri.orientation.bodies.ground_observed import GroundObserved, oriented_by, strain
+from aatri.orientation.bodies.neighbouring_bodies import beside_neighbours, oriented_together
 from aatri.orientation.graph.component import ImageComponent
+from aatri.orientation.graph.component_bodies import body_of
+from aatri.orientation.graph.ground_tests import CONTRADICTED
 
 FEWEST_OTHERS, MOST_SHARED = 4, 30
 """Points shared with neighbours that must fit each other for another to be the wrong one (three fit alone by two

@@ -1,16 +1,16 @@
 """What a block observes of the ground, held against free bodies: every kind, as the bundle has it."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, level_of
-from aatri.adapters.strips import oriented_strips as pieces
 from aatri.arrays import Bool, Float, Int
-from aatri.artifacts.block import Block
 from aatri.errors import ConvergenceError, GeometryError, InputError
 from aatri.frames.tangent import TangentFrame
 from aatri.geometry.similarity import IDENTITY, Similarity
@@ -24,6 +24,7 @@ from aatri.observations.geodetic.distances import HORIZONTAL
 from aatri.observations.geodetic.distances import KIND as DISTANCE
 from aatri.observations.kinds import catalogue
 from aatri.observations.kinds.catalogue import KindOptions, observe
+from aatri.observations.level import level_of
 from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import KIND as POSITION
@@ -34,6 +35,11 @@ from aatri.orientation.bodies.datum_analysis import OpenDatumError
 from aatri.orientation.bodies.datum_start import Observe
 from aatri.orientation.bodies.deformation import START
 from aatri.orientation.bodies.free_body import LEVEL_RAD, FreeBody, concerning, levelled
+from aatri.orientation.bodies.strips_as_bodies import origin_of
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+
 
 NOT_USED = ("ground_point_covariances", "geodetic_covariances", "images.rig")
 
@@ -113,16 +119,17 @@ class GroundObserved:
         return observed
 
 
-def ground_observed(as_given: Block, inside: Block, *, use_positions: bool) -> GroundObserved:
+def ground_observed(
+    as_given: Block, inside: Block, frame: TangentFrame | None, geodesy: TangentFrame | None, *, use_positions: bool
+) -> GroundObserved:
     """What is observed of a block, given in its own frame and in that of the adjustment."""
     observed = use_positions and len(inside.exterior)
     position_m, control = positions_of(inside).position_m if observed else np.zeros((0, 3)), control_of(inside)
     if not (len(position_m) or len(control.point)):
         position_m = inside.ground_points.xyz_m[inside.ground_points.datum]
     without = {name: getattr(as_given, name).take(np.zeros(0, dtype=np.int64)) for name in LEFT_TO_THE_BUNDLE}
-    frame = frame_of(as_given)
-    origin = pieces.origin_of(control, position_m)
-    return GroundObserved(replace(as_given, **without), origin, use_positions, frame, geodesy_of(as_given, frame))
+    origin = origin_of(control, position_m)
+    return GroundObserved(replace(as_given, **without), origin, use_positions, frame, geodesy)
 
 
 def with_level_images(ground: GroundObserved, image: Int) -> GroundObserved:

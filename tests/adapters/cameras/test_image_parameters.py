@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adapters.bundle.bundle_input import film_parameters
+from aatri.adapters.cameras.image_parameters import film_parameters
 from aatri.pipeline.methods.registry import find_stages
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.affine import affine

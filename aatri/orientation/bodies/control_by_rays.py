@@ -10,16 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adapters.solution import stacked, suspect_rows
 from aatri.arrays import Float, Int, finite_rows
-from aatri.artifacts.block import Block
-from aatri.artifacts.suspects import Suspects
 from aatri.geometry.uncertain_intersection import UNCERTAIN, UncertainIntersection, intersect_uncertain
-from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.image_point_rows import ImagePointRows, residuals_mm
 from aatri.observations.poses import POSE
 from aatri.orientation.bodies.components import Component
 from aatri.orientation.bodies.free_body import FreeBody
-from aatri.orientation.graph.triangulation import residuals_mm
 
 CLEARLY = 2 * np.log(100.0)
 """Difference of two sums of squares of residuals that makes the better one a hundred times as likely."""
@@ -37,23 +33,6 @@ class ControlByRays:
     """(k,). Rows of the rays that meet in these points, and of those that do not."""
     apart_mm: Float
     """(k,), mm. By how much."""
-
-    def suspects(self, before: Suspects, block: Block, rays: ImagePointRows, stage: str) -> Suspects:
-        """Suspects of earlier stages without the rays that meet, and with those that do not."""
-        rows = np.concatenate([self.meeting, self.apart])
-        stay = ~((before.kind == "image_point") & np.isin(before.row, rows))
-        sigma_mm = rays.sigma_mm[self.apart].mean(axis=1)
-        apart = suspect_rows(
-            stage,
-            "image_point",
-            row=self.apart,
-            image=block.images.id[rays.image[self.apart]],
-            point=block.points.id[rays.point[self.apart]],
-            size=self.apart_mm,
-            sigma=sigma_mm,
-            test=self.apart_mm / sigma_mm,
-        )
-        return stacked([before.take(np.flatnonzero(stay)), apart])
 
 
 def control_by_rays(

@@ -11,7 +11,6 @@ from functools import partial
 
 import numpy as np
 
-from aatri.adapters.ground.ground_observed import PLACES, GroundObserved, everything, oriented_by
 from aatri.arrays import Bool
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import IDENTITY
@@ -21,6 +20,7 @@ from aatri.observations.observed import Observed
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
 from aatri.orientation.bodies.datum_analysis import UNDETERMINED, OpenDatumError
 from aatri.orientation.bodies.free_body import FreeBody
+from aatri.orientation.bodies.ground_observed import PLACES, GroundObserved, everything, oriented_by
 
 MOST_LEFT_OUT_IN_TURN = 12
 """Where there are more observations that are no coordinates, none is left out: each takes an orientation of its own,

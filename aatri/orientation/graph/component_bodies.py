@@ -1,13 +1,13 @@
 """Components of images as bodies, and the points of a free datum that place them."""
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.adapters.frame.adjustment_frame import points_into
-from aatri.adapters.ground.ground_observed import NEIGHBOUR, GroundObserved, oriented_by
 from aatri.arrays import Float, Text, finite_rows
-from aatri.artifacts.block import Block
 from aatri.codes import CONTROL
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.ids import shown
@@ -16,7 +16,12 @@ from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
 from aatri.orientation.bodies.free_body import FreeBody
+from aatri.orientation.bodies.ground_observed import NEIGHBOUR, GroundObserved, oriented_by
 from aatri.orientation.graph.component import ImageComponent
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+
 
 PRECISION = 3.0
 """Standard deviations of a ray that a point or projection centre of a component is off, in object space."""
@@ -70,7 +75,7 @@ def angle_precision(component: ImageComponent, rays: ImagePointRows) -> float:
 def observed_at_datum_points(ground: GroundObserved) -> tuple[Text, tuple[Observed, ...]]:
     """Points that a free datum rests on, and their approximate coordinates; none where the block marks none."""
     table, frame = ground.block.ground_points, ground.frame
-    xyz = points_into(frame, table.xyz_m) - ground.origin_m
+    xyz = (table.xyz_m if frame is None else frame.from_block(table.xyz_m)) - ground.origin_m
     known, chosen = finite_rows(xyz), table.datum & ~(table.role == CONTROL).all(axis=1)
     row = np.flatnonzero(known & chosen)
     sigma_m = DATUM_SHARE * float(np.linalg.norm(np.ptp(xyz[known], axis=0))) if known.any() else 0.0

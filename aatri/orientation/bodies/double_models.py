@@ -10,17 +10,22 @@ ends with a single one, and so does a pair of too few common points. Half as man
 Source: lecture notes A801, where the unit is a single or a double model.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from aatri.adjusting.added_variance import weighted_means
 from aatri.adjustment.whitening import inverse_cholesky
 from aatri.arrays import Int
-from aatri.artifacts.models import Models
 from aatri.geometry.similarity import IDENTITY, Similarity, transform, transform_covariance
 from aatri.orientation.bodies.model_ties import LATENT, ModelRows
+
+if TYPE_CHECKING:
+    from aatri.artifacts.models import Models
 
 FEWEST = 3
 """Common points from which on two models make one."""

@@ -1,24 +1,28 @@
 """How bodies on the ground fit control, positions and each other; wrong heights or principal distances."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.adapters.ground.absolute_datum import OrientedPart, free_images, pooled
-from aatri.adapters.imported import read_at
-from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adapters.strips.tied_tables import names_of
 from aatri.arrays import Bool, Float
-from aatri.artifacts.block import Block
-from aatri.artifacts.strips import Strips
 from aatri.errors import ConvergenceError, InputError
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bodies.absolute import OrientedBody
-from aatri.orientation.bodies.deformation import FARTHEST_START, Misfit, rms_m, sigma0_notes
+from aatri.orientation.bodies.absolute_datum import OrientedPart, pooled
+from aatri.orientation.bodies.deformation import FARTHEST_START, Misfit, names_of, rms_m, sigma0_notes
 from aatri.orientation.bodies.height_factor import height_factor
+from aatri.orientation.bodies.strips_as_bodies import distance_m, free_images, most_models
 from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
+    from aatri.artifacts.strips import Strips
+
 
 WORST = 5
 """So many observations are named where strips and control do not fit."""
@@ -44,7 +48,7 @@ def fit_notes(strips: Strips, parts: Sequence[OrientedPart], max_sigma0: float |
             [tied for _, tied in adjusted],
             [name for name, _ in adjusted],
             pooled(parts)[1],
-            pieces.most_models(strips),
+            most_models(strips),
             Misfit(max_sigma0, _distance_m(strips, parts)),
             max(map(_misfit_m, parts), default=0.0),
             "absolute orientation",
@@ -96,7 +100,7 @@ def _distance_m(strips: Strips, parts: Sequence[OrientedPart]) -> float:
     distances = []
     for part in parts:
         centres = free_images(strips, part.component)[0]
-        distances.append(part.result.ground_from_body.scale * pieces.distance_m(centres, part.component.xyz))
+        distances.append(part.result.ground_from_body.scale * distance_m(centres, part.component.xyz))
     return float(np.mean(distances)) if distances else 0.0
 
 
@@ -195,5 +199,5 @@ def height_notes(block: Block, body: OrientedBody, what: str) -> list[Note]:
         return []
     if not factor.certain:
         return [Note("warning", f"{what}: {factor}; {factor.remedy}")]
-    where = read_at(block, block.ground_points, int(row[np.argmax(places.given[:, 2])]))
+    where = block.read_at(block.ground_points, int(row[np.argmax(places.given[:, 2])]))
     raise InputError(f"{what}: {factor}", where=where, remedy=factor.remedy)

@@ -6,7 +6,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from aatri.adapters.ground.ground_observed import NEIGHBOUR, GroundObserved, everything
 from aatri.geometry.similarity import Similarity
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import known_at, observed_control
@@ -14,6 +13,7 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import Positions, observed_positions
 from aatri.orientation.bodies.free_body import FreeBody, observed_rotations
+from aatri.orientation.bodies.ground_observed import NEIGHBOUR, GroundObserved, everything
 from aatri.orientation.bodies.joint_start import joint_start
 
 Part = TypeVar("Part")
