@@ -72,7 +72,7 @@ class _Layout:
         return int((self.cells == 0).sum())
 
 
-def layout_of_field(block: Block, position_m: Float, rules: FieldOptions) -> tuple[Evaluation, list[str]]:
+def layout_of_field(block: Block, position_m: Float, options: FieldOptions) -> tuple[Evaluation, list[str]]:
     """Figures of a field, and the rules that it breaks, in words.
 
     Parameters
@@ -107,7 +107,7 @@ def layout_of_field(block: Block, position_m: Float, rules: FieldOptions) -> tup
     }
     if layout.cameras:
         figures["field_nearest_camera_m"] = layout.nearest_m
-    broken = _broken_rules(layout, rules)
+    broken = _broken_rules(layout, options)
     size = " x ".join(f"{e:.3g}" for e in layout.extent_m)
     verdict = f"test field: {several(layout.targets, 'target')} in {size} m, {several(layout.pillars, 'pillar')}; "
     verb = "is" if len(broken) == 1 else "are"
@@ -133,7 +133,7 @@ def _layout(block: Block, X: Float, cameras: Float) -> _Layout:
     return _Layout(len(X), extent, cells, len(pillars), len(cameras), inside, nearest)
 
 
-def _broken_rules(layout: _Layout, rules: FieldOptions) -> list[str]:
+def _broken_rules(layout: _Layout, options: FieldOptions) -> list[str]:
     n, count, crowding, chance = (
         layout.targets,
         layout.cells,
@@ -141,16 +141,16 @@ def _broken_rules(layout: _Layout, rules: FieldOptions) -> list[str]:
         float(chdtri(CELLS**2 - 1, ALARM)),
     )
     broken = {
-        f"{several(n, 'target')}, {rules.targets} or more are wanted": n < rules.targets,
+        f"{several(n, 'target')}, {options.targets} or more are wanted": n < options.targets,
         f"{layout.empty} of {CELLS**2} parts of the field have no target": layout.empty > 0,
         f"{count.max()} of {n} targets are in one of its {CELLS**2} parts, {count.min()} in another: chi2 "
         f"{crowding:.1f}, at random below {chance:.1f}": layout.empty == 0 and crowding > chance,
-        f"its depth is {layout.depth:.2g} of its length, below {rules.depth:g}: c and the distance do not separate": (
-            layout.depth < rules.depth
+        f"its depth is {layout.depth:.2g} of its length, below {options.depth:g}: c and the distance do not separate": (
+            layout.depth < options.depth
         ),
         f"{layout.inside} of {layout.cameras} cameras stand among the targets: they have no room": layout.inside > 0,
-        f"targets are measured from {several(layout.pillars, 'pillar')}, {rules.pillars} or more are wanted": (
-            layout.pillars < rules.pillars
+        f"targets are measured from {several(layout.pillars, 'pillar')}, {options.pillars} or more are wanted": (
+            layout.pillars < options.pillars
         ),
     }
     return [text for text, wrong in broken.items() if wrong]

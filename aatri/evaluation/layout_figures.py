@@ -40,7 +40,7 @@ class CriteriaOptions(Options):
     next_points: int = Field(3, ge=0, le=20, description="control points chosen one beside the other")
 
 
-def judged_layout(block: Block, solution: Solution, goal: CriteriaOptions) -> Evaluation:
+def judged_layout(block: Block, solution: Solution, options: CriteriaOptions) -> Evaluation:
     """Criteria of a layout.
 
     Parameters
@@ -65,15 +65,17 @@ def judged_layout(block: Block, solution: Solution, goal: CriteriaOptions) -> Ev
         )
     points = points.take(rows)
     C, variance = points.covariance_m2, np.einsum("nini->ni", points.covariance_m2)
-    sigma_m = np.sqrt(np.median(variance, axis=0)) if goal.sigma_m is None else np.array(goal.sigma_m)
-    distance_m = max(float(np.ptp(points.xyz_m, axis=0).max()) / 2, 1.0) if goal.distance_m is None else goal.distance_m
+    sigma_m = np.sqrt(np.median(variance, axis=0)) if options.sigma_m is None else np.array(options.sigma_m)
+    half_extent_m = max(float(np.ptp(points.xyz_m, axis=0).max()) / 2, 1.0)
+    distance_m = half_extent_m if options.distance_m is None else options.distance_m
     ground = block.ground_points
     full_control = block.points.id[ground.point[(ground.role == CONTROL).all(axis=1)]]
     candidates = np.flatnonzero(~np.isin(points.id, full_control))
     with one_blas_thread():  # the same bits whatever the threads
         eigenvalue, function = criterion_eigenvalue(points.xyz_m, C, sigma_m, distance_m)
-        chosen = next_control(C, sigma_m, np.array(goal.control_sigma_m), candidates, goal.next_points, goal.aim)
-        single_gains = gains(C, sigma_m, np.array(goal.control_sigma_m), candidates)
+        control_sigma_m = np.array(options.control_sigma_m)
+        chosen = next_control(C, sigma_m, control_sigma_m, candidates, options.next_points, options.aim)
+        single_gains = gains(C, sigma_m, control_sigma_m, candidates)
     largest = np.sqrt(np.linalg.eigvalsh(C[np.arange(len(rows)), :, np.arange(len(rows))])[:, -1])
     figures = {
         "images": float(solution.images.oriented.sum()),
@@ -85,7 +87,7 @@ def judged_layout(block: Block, solution: Solution, goal: CriteriaOptions) -> Ev
         "criterion_eigenvalue": eigenvalue,
         **_reliability(solution),
     }
-    figures |= {f"gain_of_control_{k}": getattr(gain, goal.aim) for k, gain in enumerate(chosen, start=1)}
+    figures |= {f"gain_of_control_{k}": getattr(gain, options.aim) for k, gain in enumerate(chosen, start=1)}
     table = _points(solution, points, single_gains, chosen)
     weakest = str(points.id[int(largest.argmax())])
     worst = points.id[int((function**2).sum(axis=1).argmax())], "XYZ"[int((function**2).sum(axis=0).argmax())]

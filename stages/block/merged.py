@@ -21,7 +21,7 @@ from aatri.artifacts.block import Block
 from aatri.checks.as_read.screening import FEW_POINTS, OUTSIDE, REJECTED_IMAGE, SEEN_ONCE
 from aatri.checks.limits import SAME_POINT_SIGMAS
 from aatri.formats.merging.merged import merged as merged_blocks
-from aatri.formats.merging.names import Renaming, renamed
+from aatri.formats.merging.names import RenamingOptions, renamed
 from aatri.formats.merging.reconciliation import Conflicts, Duplicates
 from aatri.formats.merging.source import block_from
 from aatri.plugin import SILENT, Context, Field, InputPath, stage
@@ -32,7 +32,7 @@ OF_PARTS = frozenset({OUTSIDE, SEEN_ONCE, REJECTED_IMAGE, FEW_POINTS})
 """Reasons to set something aside that hold for a block as it stood alone."""
 
 
-class SingleBlockOptions(Renaming):
+class SingleBlockOptions(RenamingOptions):
     """One block, and how its ids are to be read."""
 
     path: InputPath = Field(description="block folder, or the Block of another run (runs/NAME/current/block.h5)")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from aatri.adjustment.elimination.panels import Panels, PanelsInFile, down_the_tree
+from aatri.adjustment.elimination.panels import Panels, down_the_tree
 from aatri.adjustment.others import JointSolution
 from aatri.adjustment.structure.tree import Tree
 from aatri.arrays import Float
@@ -64,8 +64,8 @@ class Factor:
 
     def release(self, k: int) -> None:
         """Give back the memory of a node's panel, which cannot be asked for any more."""
-        if isinstance(self.panels, list):
-            self.panels[k] = np.zeros((0, 0))
+        if self.panels is not None:
+            self.panels.release(k)
 
     def clear(self) -> None:
         """Give back the room; nothing can be asked any more."""
@@ -75,7 +75,7 @@ class Factor:
     @property
     def is_cleared(self) -> bool:
         """Whether its file has been given back."""
-        return isinstance(self.panels, PanelsInFile) and self.panels.closed
+        return self.panels is not None and self.panels.closed
 
 
 @dataclass

@@ -209,7 +209,7 @@ class Work:
             self.weak[k] = min([info - 1] * (info > 0) + weak[:1].tolist())
             if info or not (pivot[weak] > LOST * d[weak]).all():
                 self.lost = True
-        self.panels[k] = np.array(F[:, :m], order="F") if isinstance(self.panels, list) else F[:, :m]
+        self.panels[k] = F[:, :m]
         self.diagonal[node.columns[:m]] = d[:m]
         lapack.forward(F[:, :m], g)
         self.y[k] = g[:m].copy()

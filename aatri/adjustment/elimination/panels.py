@@ -15,6 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import zip_longest
 from threading import Lock
+from typing import Protocol
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from aatri.adjustment.elimination import lapack
 from aatri.adjustment.structure.tree import Tree
 from aatri.arrays import Float
 from aatri.errors import ResourceError
+
+_NO_PANEL = np.zeros((0, 0))
 
 
 def up_the_tree(tree: Tree, panels: Panels, x: Float, nodes: Iterable[int] | None = None) -> None:
@@ -33,7 +36,7 @@ def up_the_tree(tree: Tree, panels: Panels, x: Float, nodes: Iterable[int] | Non
         Children before their parents.
     """
     order, met = range(len(tree.nodes)) if nodes is None else nodes, _met_by(tree, x)
-    for k, panel in _read_ahead(panels, [k for k in order if tree.nodes[k].panel and met[k]]):
+    for k, panel in panels.in_order([k for k in order if tree.nodes[k].panel and met[k]]):
         columns = tree.nodes[k].columns
         nonzero = np.flatnonzero(x[columns[: panel.shape[1]]].any(axis=0))
         if len(nonzero):
@@ -53,25 +56,58 @@ def _met_by(tree: Tree, x: Float) -> list[bool]:
 def down_the_tree(tree: Tree, panels: Panels, x: Float, nodes: Iterable[int] | None = None) -> None:
     """Back substitution, in place: x <- L^-T x, at some nodes, parents before their children, or all."""
     order = reversed(range(len(tree.nodes))) if nodes is None else nodes
-    for k, panel in _read_ahead(panels, [k for k in order if tree.nodes[k].panel and x.shape[1]]):
+    for k, panel in panels.in_order([k for k in order if tree.nodes[k].panel and x.shape[1]]):
         columns = tree.nodes[k].columns
         front = np.asfortranarray(x[columns])
         lapack.backward_columns(panel, front)
         x[columns[: panel.shape[1]]] = front[: panel.shape[1]]
 
 
-def _read_ahead(panels: Panels, nodes: Sequence[int]) -> Iterator[tuple[int, Float]]:
-    """Nodes with their panels, in this order; from a file the next is read while one is worked on."""
-    if isinstance(panels, list):
-        yield from ((k, panels[k]) for k in nodes)
-        return
-    with ThreadPoolExecutor(1) as reader:
-        coming = [reader.submit(panels.__getitem__, k) for k in nodes[:1]]
-        for k, following in zip_longest(nodes, nodes[1:]):
-            panel = coming.pop().result()
-            if following is not None:
-                coming.append(reader.submit(panels.__getitem__, following))
-            yield k, panel
+class Panels(Protocol):
+    """One panel for each node, (n, m) float64, column-major; one that is put here is no part of its front."""
+
+    def __getitem__(self, k: int) -> Float: ...
+    def __setitem__(self, k: int, panel: Float) -> None: ...
+
+    def in_order(self, nodes: Sequence[int]) -> Iterator[tuple[int, Float]]:
+        """Nodes with their panels, in this order."""
+
+    def release(self, k: int) -> None:
+        """Give back the memory of a panel, which cannot be asked for any more."""
+
+    def clear(self) -> None:
+        """Give back the room; no panel can be read any more."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether a file has been given back."""
+
+
+class PanelsInMemory:
+    """Panels as arrays."""
+
+    closed = False
+
+    def __init__(self, count: int) -> None:
+        self._panels = [_NO_PANEL] * count
+
+    def __getitem__(self, k: int) -> Float:
+        return self._panels[k]
+
+    def __setitem__(self, k: int, panel: Float) -> None:
+        self._panels[k] = np.array(panel, order="F")
+
+    def in_order(self, nodes: Sequence[int]) -> Iterator[tuple[int, Float]]:
+        """Nodes with their panels."""
+        return ((k, self._panels[k]) for k in nodes)
+
+    def release(self, k: int) -> None:
+        """Give back the memory of a panel."""
+        self._panels[k] = _NO_PANEL
+
+    def clear(self) -> None:
+        """Give back all of it."""
+        self._panels.clear()
 
 
 class PanelsInFile:
@@ -122,8 +158,21 @@ class PanelsInFile:
             except OSError as error:
                 raise _no_room(self._first[-1], error) from error
 
+    def in_order(self, nodes: Sequence[int]) -> Iterator[tuple[int, Float]]:
+        """Nodes with their panels; the next is read while one is worked on."""
+        with ThreadPoolExecutor(1) as reader:
+            coming = [reader.submit(self.__getitem__, k) for k in nodes[:1]]
+            for k, following in zip_longest(nodes, nodes[1:]):
+                panel = coming.pop().result()
+                if following is not None:
+                    coming.append(reader.submit(self.__getitem__, following))
+                yield k, panel
+
+    def release(self, k: int) -> None:
+        """Nothing is in memory."""
+
     def clear(self) -> None:
-        """Give back the room; no panel can be read any more."""
+        """Give back the room."""
         self._closed()
 
 
@@ -134,12 +183,8 @@ def _no_room(size: int, error: OSError) -> ResourceError:
     )
 
 
-Panels = list[Float] | PanelsInFile
-"""One panel for each node, (n, m) float64, column-major; one that is put in a list is no part of its front."""
-
-
 def panels_of(tree: Tree, spill: bool) -> Panels:
     """Room for the panels of a tree, in memory or in a file."""
     if spill:
         return PanelsInFile([(node.size, node.panel) for node in tree.nodes])
-    return [np.zeros((0, 0))] * len(tree.nodes)
+    return PanelsInMemory(len(tree.nodes))

@@ -31,7 +31,7 @@ GROUPS = {
 """Columns with ids of groups."""
 
 
-class Renaming(Options):
+class RenamingOptions(Options):
     """How the ids of a block change."""
 
     prefix: dict[Kind, str] = Field({}, description="set before its ids, by kind: `{images: e-, points: e-}`")
@@ -56,7 +56,7 @@ class Renaming(Options):
         return name if stays else f"{prefix}{name}"
 
 
-def renamed(block: Block, names: Renaming) -> Block:
+def renamed(block: Block, names: RenamingOptions) -> Block:
     """The block with other ids, in canonical order again.
 
     Raises
@@ -89,12 +89,12 @@ def renamed(block: Block, names: Renaming) -> Block:
     return in_canonical_order(replace(block, **tables))
 
 
-def _at_either(names: Renaming, image: Bool, ids: Text) -> Text:
+def _at_either(names: RenamingOptions, image: Bool, ids: Text) -> Text:
     """Ids of images, and of points elsewhere."""
     return np.where(image, names.of("images", ids), names.of("points", ids))
 
 
-def _check(block: Block, kind: Kind, before: Text, after: Text, names: Renaming) -> None:
+def _check(block: Block, kind: Kind, before: Text, after: Text, names: RenamingOptions) -> None:
     where = f"block {block.name}: rename"
     unknown = sorted(set(names.rename.get(kind, {})) - set(before.tolist()))
     if unknown:

@@ -37,7 +37,7 @@ from aatri.observations.poses import GENERATORS, POINT, POSE, by_similarity
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.datum_analysis import GivenPlaces
-from aatri.orientation.bodies.deformation import START
+from aatri.orientation.bodies.deformation import MISFIT_OF_RIGHT
 from aatri.orientation.bodies.free_body import FreeBody, state_of
 from aatri.orientation.bodies.similarity_ties import LABELS
 
@@ -89,7 +89,7 @@ def looks_upwards(to: Similarity, up: Float) -> bool:
 def fits(places: GivenPlaces, x: Float, body: FreeBody, start: Similarity) -> bool:
     """Whether places lie where they are given, as near as those of right ids do; `x` are they in the body."""
     off = np.where(places.given, transform(start, x) - places.observed_m, 0.0)
-    return float(np.sqrt((off**2).sum() / max(len(off), 1))) <= START * typical_distance(body, start)
+    return float(np.sqrt((off**2).sum() / max(len(off), 1))) <= MISFIT_OF_RIGHT * typical_distance(body, start)
 
 
 def near_start(observed: Sequence[Observed], body: FreeBody, start: Similarity, limit: float) -> Bool:
@@ -99,7 +99,7 @@ def near_start(observed: Sequence[Observed], body: FreeBody, start: Similarity, 
     nothing or the block upside down; the start, of the least sum of distances of places, does not. Height differences
     count as lengths. What is off by less than `limit` standard deviations is near.
     """
-    state, farthest_m = state_of(observed, body, start), START * typical_distance(body, start)
+    state, farthest_m = state_of(observed, body, start), MISFIT_OF_RIGHT * typical_distance(body, start)
     near = [np.ones(len(o), dtype=bool) for o in observed]
     for o, part in zip(observed, near):
         is_length = o.unit == "m" and o.records.rows == 1 and o.records.groups <= {POSE, POINT}

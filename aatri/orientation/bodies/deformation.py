@@ -40,11 +40,11 @@ from aatri.observations.ties import BODY
 
 GROWTH = 0.05
 
-START = 0.005
-"""Misfit, as a share of the distance between images and points, that no block of right ids, units and axes has: a tenth
+MISFIT_OF_RIGHT = 0.005
+"""Misfit, as a share of the distance between images and points, that nothing of right ids, units and axes has: a tenth
 of what the bundle can begin from (docs/convergence.md)."""
 
-FARTHEST_START = 10 * START
+FARTHEST_START = 10 * MISFIT_OF_RIGHT
 """Misfit from which the bundle begins: a principal distance a tenth off leaves 4 to 5 %, and from 0.7 to 1.3 times it
 the bundle ends right (docs/convergence.md, the bent valley). Of other causes as large its own tests tell."""
 
@@ -90,7 +90,7 @@ class Misfit:
 
     max_sigma0: float | None
     """Largest ratio to what deformation explains. None: `MAX_SIGMA0`, and only where the misfit is also more than
-    `START` of the distance; the bundle can begin from less."""
+    `MISFIT_OF_RIGHT` of the distance; the bundle can begin from less."""
     distance_m: float
     """From the projection centres to the points."""
     oriented: bool = False
@@ -116,7 +116,7 @@ class Misfit:
             "check ids of points and control, units and axes of control, strips and models of the images; "
             "standard deviations that are too small by this factor are to be corrected in the block"
         )
-        if self.max_sigma0 is not None or not (self.oriented or off_m <= START * self.distance_m):
+        if self.max_sigma0 is not None or not (self.oriented or off_m <= MISFIT_OF_RIGHT * self.distance_m):
             raise ConvergenceError(text, remedy=remedy)
         share = f"{off_m:.2g} m (RMS), {off_m / self.distance_m:.1%} of the distance of the images"
         return [Note("warning", f"{text}, but by {share}: the bundle can begin from there; {remedy}")]

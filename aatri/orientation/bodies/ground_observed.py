@@ -33,7 +33,7 @@ from aatri.observations.relative.differences import DISTANCE as RELATIVE
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.datum_analysis import OpenDatumError
 from aatri.orientation.bodies.datum_start import Observe
-from aatri.orientation.bodies.deformation import START
+from aatri.orientation.bodies.deformation import MISFIT_OF_RIGHT
 from aatri.orientation.bodies.free_body import LEVEL_RAD, FreeBody, concerning, levelled
 from aatri.orientation.bodies.strips_as_bodies import origin_of
 
@@ -193,12 +193,12 @@ def oriented_by(
             failed.append(error)  # attitudes may tell which of three control points is wrong
             continue
         share = strain(oriented, body)
-        if ATTITUDE not in used and ATTITUDE in kinds and drift and share > START:
+        if ATTITUDE not in used and ATTITUDE in kinds and drift and share > MISFIT_OF_RIGHT:
             strained.append(oriented)
             added = f"{oriented.tied.tau_m:.2g} m, {share:.1%} of the distance between images and points"
             failed.append(ConvergenceError(f"they fit it only where its points are off by {added}"))
             continue  # attitudes may tell what is wrong
-        if strained and share > START:
+        if strained and share > MISFIT_OF_RIGHT:
             break
         notes = [] if used == first else [_of_more(oriented, first, what, failed[0].what)]
         if not drift:

@@ -25,7 +25,7 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.absolute import OrientedBody
 from aatri.orientation.bodies.datum_analysis import given_places
-from aatri.orientation.bodies.deformation import START
+from aatri.orientation.bodies.deformation import MISFIT_OF_RIGHT
 from aatri.orientation.bodies.free_body import FreeBody
 from aatri.orientation.bodies.ground_observed import DISTANCES, Chosen, GroundObserved, strain
 from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
@@ -59,21 +59,21 @@ def contradicts(left: Sequence[Observed], state: State, limit: float, far_m: flo
 
     That is its standard deviation, or the scatter of the closest half where this is larger: standard deviations may be
     guessed, and the positions of two cameras lie apart. Weakly tied strips bend by less, and fit whatever is left. What
-    is off by more than `far_m` in the median, or distances by the share `START` of themselves, is so whichever way each
-    of it is: even rough starts lie nearer (`datum_start.near_start`).
+    is off by more than `far_m` in the median, or distances by the share `MISFIT_OF_RIGHT` of themselves, is so
+    whichever way each of it is: nothing of right ids and units is.
 
     Parameters
     ----------
     limit : float
         In standard deviations.
     far_m : float, m
-        `START` times the typical distance of the points.
+        `MISFIT_OF_RIGHT` times the typical distance of the points.
     """
     for o in _of_places(left):
         v, sigma, far = residuals_at(state, o), o.sigmas(), far_m
         if o.kind in DISTANCES:
             length = _ratios([o], state)[1][:, None]
-            v, sigma, far = v / length, sigma / length, START
+            v, sigma, far = v / length, sigma / length, MISFIT_OF_RIGHT
         for off, sigma_of in zip(v.T, sigma.T):
             testable = np.isfinite(off) & np.isfinite(sigma_of)
             if testable.any():

@@ -23,7 +23,7 @@ from aatri.observations.observed import Observed
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.datum_analysis import OpenDatumError
 from aatri.orientation.bodies.datum_start import UPWARDS, Observe, typical_distance
-from aatri.orientation.bodies.deformation import START
+from aatri.orientation.bodies.deformation import MISFIT_OF_RIGHT
 from aatri.orientation.bodies.ground_fit import height_notes
 from aatri.orientation.bodies.ground_observed import (
     BEGUN_LEVEL,
@@ -285,7 +285,7 @@ def _oriented(
         except (ConvergenceError, GeometryError):
             continue  # the others do not determine it
         left = tuple(o for o in seated.tied.problem.ground if not others(o))
-        far_m = START * typical_distance(body, reduced.ground_from_body)
+        far_m = MISFIT_OF_RIGHT * typical_distance(body, reduced.ground_from_body)
         # they fit, and do so no more with what is left out
         if not by_attitudes and reduced.tied.tau_m == 0 and contradicts(left, reduced.state, settings.limit, far_m):
             note = contradiction_note(ground.block, left, reduced.state, kind, what)

@@ -6,6 +6,7 @@ import errno
 import gc
 import os
 import tempfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import pytest
 
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination import lapack
-from aatri.adjustment.elimination.panels import PanelsInFile
+from aatri.adjustment.elimination.panels import Panels, PanelsInFile, PanelsInMemory
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.stepping.adjusted import factor_of
 from aatri.errors import ResourceError
@@ -45,9 +46,53 @@ def test_what_is_read_is_what_was_written() -> None:
         assert (found == given[k]).all()
 
 
-def test_a_panel_is_kept_while_its_front_is_used_again() -> None:
+@pytest.mark.parametrize("nodes", [[3, 0, 1], [1], []])
+def test_panels_come_in_the_order_asked_for_wherever_they_are(nodes: list[int]) -> None:
+    in_file, given = _written()
+    in_memory = PanelsInMemory(len(given))
+    for k in (3, 0, 1):
+        in_memory[k] = given[k]
+    for panels in (in_file, in_memory):
+        read = list(panels.in_order(nodes))
+        assert [k for k, _ in read] == nodes
+        assert all((panel == given[k]).all() for k, panel in read)
+
+
+def test_no_more_than_one_panel_is_read_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    panels, _ = _written()
+    read: list[int] = []
+    by_place = PanelsInFile.__getitem__
+
+    def counted(self: PanelsInFile, k: int) -> np.ndarray:
+        read.append(k)
+        return by_place(self, k)
+
+    monkeypatch.setattr(PanelsInFile, "__getitem__", counted)
+    for number, _ in enumerate(panels.in_order([3, 0, 1, 3, 0]), 1):
+        assert len(read) <= number + 1
+    assert read == [3, 0, 1, 3, 0]
+
+
+def test_an_error_of_reading_ahead_comes_where_the_panel_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    panels, _ = _written()
+    by_place = PanelsInFile.__getitem__
+
+    def torn(self: PanelsInFile, k: int) -> np.ndarray:
+        if k == 0:
+            raise OSError(errno.EIO, "Input/output error")
+        return by_place(self, k)
+
+    monkeypatch.setattr(PanelsInFile, "__getitem__", torn)
+    each = panels.in_order([3, 0, 1])
+    assert next(each)[0] == 3
+    with pytest.raises(OSError, match="Input/output"):
+        next(each)
+
+
+@pytest.mark.parametrize("make", [lambda: PanelsInFile([(5, 2)]), lambda: PanelsInMemory(1)])
+def test_a_panel_is_kept_while_its_front_is_used_again(make: Callable[[], Panels]) -> None:
+    panels = make()
     front = np.asfortranarray(np.arange(25.0).reshape(5, 5))
-    panels = PanelsInFile([(5, 2)])
     panels[0] = front[:, :2]
     front[:] = 0.0
     assert (panels[0] == np.arange(25.0).reshape(5, 5)[:, :2]).all()

@@ -14,7 +14,7 @@ from aatri.artifacts.builder import block_of
 from aatri.checks.as_read.screening import screened
 from aatri.errors import AatriError, InputError
 from aatri.formats.merging.merged import merged
-from aatri.formats.merging.names import Renaming, renamed
+from aatri.formats.merging.names import RenamingOptions, renamed
 from aatri.formats.merging.part import part_of
 from aatri.formats.tables.writer import write_block
 from aatri.progress import SILENT, Reporter
@@ -242,7 +242,8 @@ def test_other_frames_are_refused_by_name() -> None:
 
 def test_ids_get_a_prefix_but_for_the_common_ones() -> None:
     b = renamed(
-        ray_block(A, K), Renaming(prefix={"images": "e-", "points": "e-"}, rename={"images": {"2": "7"}}, common=["P"])
+        ray_block(A, K),
+        RenamingOptions(prefix={"images": "e-", "points": "e-"}, rename={"images": {"2": "7"}}, common=["P"]),
     )
     assert b.images.id.tolist() == ["7", "e-1"]
     assert b.points.id.tolist() == ["P", "e-Q"]
@@ -254,18 +255,18 @@ def test_ids_get_a_prefix_but_for_the_common_ones() -> None:
 
 def test_ids_that_become_one_or_do_not_exist_are_refused() -> None:
     with pytest.raises(InputError, match="images 1, 2 would both be called 2"):
-        renamed(ray_block(A, K), Renaming(rename={"images": {"1": "2"}}))
+        renamed(ray_block(A, K), RenamingOptions(rename={"images": {"1": "2"}}))
     with pytest.raises(InputError, match="points has no X"):
-        renamed(ray_block(A, K), Renaming(rename={"points": {"X": "2"}}))
+        renamed(ray_block(A, K), RenamingOptions(rename={"points": {"X": "2"}}))
 
 
 @pytest.mark.parametrize("name", BLOCKS)
 def test_a_prefix_set_and_taken_off_again_changes_nothing(name: str) -> None:
     block = simulated(name)
     kinds: Any = ("images", "points", "cameras", "strips")
-    there = renamed(block, Renaming(prefix=dict.fromkeys(kinds, "x")))
+    there = renamed(block, RenamingOptions(prefix=dict.fromkeys(kinds, "x")))
     back = {kind: {f"x{i}": str(i) for i in getattr(block, kind).id} for kind in kinds}
-    assert content_digest(renamed(there, Renaming(rename=back))) == content_digest(block)
+    assert content_digest(renamed(there, RenamingOptions(rename=back))) == content_digest(block)
 
 
 def test_a_part_of_no_image_is_refused(tmp_path: Path) -> None:

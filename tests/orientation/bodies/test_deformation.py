@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aatri.errors import ConvergenceError
-from aatri.orientation.bodies.deformation import START, Misfit, bends_far_less, expected_ratio, sigma0_notes
+from aatri.orientation.bodies.deformation import MISFIT_OF_RIGHT, Misfit, bends_far_less, expected_ratio, sigma0_notes
 
 
 def _levels(*weighted: float, redundancy: int = 400) -> list[str]:
@@ -64,11 +64,11 @@ def test_strips_off_by_more_than_any_deformation_are_refused() -> None:
     with pytest.raises(ConvergenceError, match=r"strip block: sigma0 is .* of 27 models"):
         _of(beyond, 20.0, 0.1)
     with pytest.raises(ConvergenceError, match="beyond max_sigma0 = 20"):
-        _of(beyond, None, 1.1 * START * 500.0)
+        _of(beyond, None, 1.1 * MISFIT_OF_RIGHT * 500.0)
 
 
 def test_a_misfit_that_is_small_in_metres_is_a_warning_where_no_limit_is_given() -> None:
-    assert _of(20.0 * expected_ratio(27) + 1.0, None, 0.9 * START * 500.0) == ["warning"]
+    assert _of(20.0 * expected_ratio(27) + 1.0, None, 0.9 * MISFIT_OF_RIGHT * 500.0) == ["warning"]
 
 
 @pytest.mark.parametrize(
