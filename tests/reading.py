@@ -9,7 +9,7 @@ from typing import Any
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.screening import screened
 from aatri.checks.limits import MAX_REJECT_SHARE
-from aatri.formats.bal import reader as bal
+from aatri.formats.bal import problem as bal
 from aatri.formats.colmap import reader as colmap
 from aatri.formats.dbat import reader as dbat
 from aatri.formats.gama import reader as gama

@@ -29,8 +29,7 @@ from aatri.report.sections.block import camera_tables
 from aatri.report.sections.parts import PageSection, Surroundings, present
 from aatri.report.sections.suspects import proposed_numbers_table, suspects_tables
 from aatri.report.sections.tables import accuracy_table
-from aatri.report.sections.tie_points import tie_point_pictures
-from aatri.report.sections.weak_images import weakest_images
+from aatri.report.sections.tie_points import tie_point_pictures, weakest_images
 from aatri.report.view.run_view import RunView
 
 

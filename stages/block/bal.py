@@ -5,7 +5,7 @@ Reads image points, start values of orientations and points, and a camera per im
 """
 
 from aatri.artifacts.block import Block
-from aatri.formats.bal.reader import read_bal
+from aatri.formats.bal.problem import read_bal
 from aatri.plugin import SILENT, Context, Field, InputPath, stage
 
 from ._as_read import ReadingOptions, as_read

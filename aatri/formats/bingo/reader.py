@@ -26,9 +26,10 @@ import numpy as np
 
 from aatri.codes import CONTROL
 from aatri.errors import InputError
+from aatri.formats.bingo.writer import write_bingo
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.parts.block_parts import BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading
 from aatri.formats.text.number_text import is_number
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, blank_separated, places, word_lines
@@ -220,3 +221,42 @@ def _table(cameras: dict[str, TextLine], radial: dict[str, TextLine]) -> dict[st
         last = int(fold[0]) + 1 if len(fold) else len(measured_mm)
         rows += [(name, r, d) for r, d in zip(measured_mm[:last].tolist(), correction_mm[:last].tolist())]
     return dict(zip(("camera", "radius_mm", "correction_mm"), zip(*rows)))
+
+
+PAGE = "docs/formats.md#bingo"
+_NUMBER = r"[-+]?[0-9]+(?:\.[0-9]*)?"
+_HEAD, _POINT = re.compile(r"\s*\S+(?:\s+\S+)?\s*"), re.compile(rf"\s*\S+\s+{_NUMBER}\s+{_NUMBER}(?:\s+\S+)?\s*")
+
+
+def _image_coordinates(view: FileView) -> bool:
+    lines = [line for line in view.lines if not line.startswith(("*", "C "))]
+    ended = any(line.strip() == "-99" for line in lines)
+    return ended and len(lines) > 2 and bool(_HEAD.fullmatch(lines[0]) and _POINT.fullmatch(lines[1]))
+
+
+def _geoin(view: FileView) -> str:
+    keys = {line[:4] for line in view.lines}
+    seen = [key for key in ("CAPA", "RADI", "CONT") if key in keys]
+    return f"lines {', '.join(seen)}" if seen else ""
+
+
+BINGO = Format(
+    "bingo",
+    "BINGO image coordinates",
+    _image_coordinates,
+    "images with lines `point x y`, ended by -99",
+    carries=("image points",),
+    page=PAGE,
+    read=read_image_coordinates,
+    write=write_bingo,
+    written=("cameras", "image points", "control", "standard deviations"),
+)
+GEOIN = Format(
+    "bingo_geoin",
+    "BINGO geoin.dat",
+    _geoin,
+    "lines that begin with CAPA, RADI, CONT",
+    carries=("cameras", "distortion", "control", "standard deviations"),
+    page=PAGE,
+    read=read_geoin,
+)

@@ -25,9 +25,10 @@ from aatri.codes import APPROXIMATE, CHECK, CONTROL, NO_ROLE
 from aatri.formats.blocksexchange.axes import axes_of, rotation_of
 from aatri.formats.blocksexchange.cameras import XYZ, lens_of, pixels_of, way_of, xyz
 from aatri.formats.blocksexchange.points import add_tie_points, points_of
+from aatri.formats.blocksexchange.writer import write_blocksexchange
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.parts.block_parts import LOCAL, PLANE, BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, Format, Reading
 from aatri.formats.parts.one_frame import in_frame
 from aatri.formats.text.text_line import check_positive, once, places
 from aatri.formats.text.xml_tree import XmlElement, read_xml
@@ -245,3 +246,14 @@ def _measured(
             raise mark.error(f"PhotoId {clipped(number)} is no photo of the block", "export it again")
         photo = photos[number]
         rows.append((photo.name, point, pixels_of(mark, photo.group).tolist(), mark))
+
+
+BLOCKSEXCHANGE = Format(
+    "blocksexchange", "BlocksExchange XML", lambda view: "<BlocksExchange" in view.head, "XML with `BlocksExchange`",
+    carries=("cameras", "distortion", "image points", "control", "check points", "start values of points",
+             "start orientations", "frame", "standard deviations"),
+    page="docs/formats.md#blocksexchange", read=read_blocksexchange, write=write_blocksexchange,
+    written=("cameras", "distortion", "image points", "control", "check points", "start values of points",
+             "start orientations", "frame", "standard deviations"),
+    estimates_cameras=True,
+)  # fmt: skip

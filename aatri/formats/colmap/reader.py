@@ -10,7 +10,7 @@ two focal lengths exactly. Features without a point are no observations of a blo
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +21,57 @@ from aatri.artifacts.block import APPROXIMATE, OBSERVED_VALUE, Block
 from aatri.artifacts.builder import Columns, block_of
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.colmap.binary import binary_paths, read_binary
-from aatri.formats.colmap.control import with_control
 from aatri.formats.colmap.model import NO_POINT, ColmapCamera, ColmapImage, ColmapModel
 from aatri.formats.colmap.stated import compare_tracks
 from aatri.formats.colmap.text import read_text, text_paths
 from aatri.formats.conventions.lens import COLMAP, Lens
 from aatri.formats.conventions.lens_conversion import camera_columns
 from aatri.formats.conventions.poses import ground_from_image, matrix_of_quaternion, position_of
+from aatri.formats.tables.columns import GROUND_POINTS
+from aatri.formats.tables.ground import ground_point_columns
+from aatri.formats.tables.settings.block import Settings
+from aatri.formats.tables.source import Source
 from aatri.formats.text.text_file import missing
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import several
 from aatri.progress import SILENT, Reporter
+from aatri.strict_yaml import loads
 from aatri.units import LARGEST
+
+
+def with_control(
+    start: Columns, paths: Sequence[Path], control: Path | None, reporter: Reporter = SILENT
+) -> tuple[Columns, list[Path]]:
+    """Columns of ground points with the control of a file in place of the start values of its points, and all files.
+
+    Parameters
+    ----------
+    start : mapping of str to array
+        `point` holds ids.
+    paths : sequence of Path
+        Files so far.
+    control : Path, optional
+        X, Y, Z in metres, right-handed, in the frame wanted; standard deviations in metres.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or breaks its contract.
+    """
+    if control is None:
+        return start, list(paths)
+    if not control.is_file():
+        raise missing(control)
+    settings = Settings.model_validate({"aatri_block": 1, "frames": {"local": {"axes": ["x", "y", "z"]}}})
+    source = Source(control.parent, settings, loads("aatri_block: 1", str(control), InputError), reporter)
+    columns, _ = ground_point_columns(source, source.table(control.name, GROUND_POINTS))
+    raise_all(source.problems)
+    columns["file"] = np.full(len(columns["line"]), len(paths))
+    columns_of = {name: np.asarray(columns[name]) for name in start}
+    kept = ~np.isin(np.asarray(start["point"]), columns_of["point"])
+    both = {name: np.concatenate([np.asarray(values)[kept], columns_of[name]]) for name, values in start.items()}
+    return both, [*paths, control]
+
 
 CAMERAS, IMAGES, POINTS = 0, 1, 2
 EXPORT = "export the model again"

@@ -10,6 +10,8 @@ heights. Say so by `vertical`, or by `geoid` with the grid file.
 Source: IGNF/Borea, documentation and data set.
 """
 
+import re
+from functools import partial
 from pathlib import Path
 
 from aatri.codes import CONTROL
@@ -17,7 +19,7 @@ from aatri.errors import InputError
 from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.parts.block_parts import PLANE, BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading
 from aatri.formats.text.text_line import TextLine, check_positive, places, word_lines
 from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
@@ -112,3 +114,47 @@ def _name(line: TextLine) -> str:
     if not name:
         raise line.error(f"{clipped(line.words[0])!r} is no name", "give the point one")
     return name
+
+
+PAGE = "docs/formats.md#ign-lists"
+_NUMBER = r"[-+]?[0-9]+(?:\.[0-9]*)?"
+_MARK = re.compile(rf"\S+\s+(?!{_NUMBER}\s)\S*[A-Za-z_.]\S*\s+{_NUMBER}\s+{_NUMBER}\s*")
+_POINT = re.compile(rf'"[^"]+"\s+[0-9]+(?:\s+{_NUMBER}){{3}}(?:(?:\s+{_NUMBER}){{3}})?\s*')
+
+
+def _all_lines(form: re.Pattern[str], view: FileView) -> bool:
+    return bool(view.lines) and all(form.fullmatch(line.strip()) for line in view.lines[:20])
+
+
+def _camera(view: FileView) -> str:
+    keys = {line.partition("=")[0].strip() for line in view.lines[:20]}
+    return "keys PPAx, PPAy, focal" if {"Name", "PPAx", "PPAy", "focal"} <= keys else ""
+
+
+IGN_MARKS = Format(
+    "ign_mes",
+    "IGN image points (.mes)",
+    partial(_all_lines, _MARK),
+    "lines `point image column row`",
+    carries=("image points",),
+    page=PAGE,
+    read=read_marks,
+)
+IGN_POINTS = Format(
+    "ign_app",
+    "IGN ground points (.app)",
+    partial(_all_lines, _POINT),
+    'lines `"point" type X Y Z`',
+    carries=("control", "standard deviations"),
+    page=PAGE,
+    read=read_ground_points,
+)
+IGN_CAMERA = Format(
+    "ign_camera",
+    "IGN camera",
+    _camera,
+    "lines `PPAx = ...`, `focal = ...`",
+    carries=("cameras",),
+    page=PAGE,
+    read=read_camera,
+)

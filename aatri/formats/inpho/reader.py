@@ -14,6 +14,7 @@ of film are published nowhere: they are told, not read.
 Source: readers and writers of such files in public; no description of the format is.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,7 +25,7 @@ from aatri.errors import InputError
 from aatri.formats.conventions.matrix_sense import as_ground_from_image
 from aatri.formats.conventions.poses import is_rotation
 from aatri.formats.parts.block_parts import PLANE, BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading
 from aatri.formats.text.text_line import TextLine, places, word_lines
 from aatri.ids import clipped, several, shown
 from aatri.progress import SILENT, Reporter
@@ -237,3 +238,22 @@ def _not_read(sections: Sequence[Section]) -> list[str]:
         blocks | {key for key in keys if "DISTORTION" in key or key in ("$FIDUCIALS", "$COORDINATE_SYSTEM")}
     )
     return [f"not read: {shown(unread)}; give control, positions and calibration as lists beside it"] if unread else []
+
+
+_BLOCK = re.compile(r"^\$(PROJECT\s+[0-9]|PHOTO\s*$|CAMERA(_DEFINITION)?\s*$)", re.MULTILINE)
+
+
+def _recognised(view: FileView) -> str:
+    seen = _BLOCK.search(view.head)
+    return f"a block {seen.group().strip()}" if seen else ""
+
+
+INPHO = Format(
+    "inpho",
+    "Inpho project (.prj)",
+    _recognised,
+    "blocks `$PROJECT`, `$CAMERA_DEFINITION`, `$PHOTO` ... `$END`",
+    carries=("cameras", "image points", "start orientations"),
+    page="docs/formats.md#inpho",
+    read=read_inpho,
+)

@@ -12,6 +12,7 @@ All comes out in the map of the reference; where that is in degrees, in the UTM 
 Source: documents of versions 1.2, 1.4 and 2.0; Agisoft Metashape user manual.
 """
 
+import re
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
@@ -27,8 +28,9 @@ from aatri.formats.metashape.cameras import ImageElement, attitudes_of, cameras_
 from aatri.formats.metashape.chunk_frame import ChunkFrame, frame_of_chunk
 from aatri.formats.metashape.sensors import Sensor, lens_of, sensors_of
 from aatri.formats.metashape.tie_points import TiePoints, tie_points_of
+from aatri.formats.metashape.writer import write_metashape
 from aatri.formats.parts.block_parts import BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, FileView, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading
 from aatri.formats.text.archive import Archive
 from aatri.formats.text.text_line import check_positive, once, places
 from aatri.formats.text.xml_tree import XmlElement, decoded_xml, read_xml
@@ -271,3 +273,24 @@ def _give_ties(parts: BlockParts, ties: TiePoints, sigma_px: float) -> None:
         own = {key: [*(stated if key == "sigma_px" else marks[key]), *values] for key, values in own.items()}
     parts.image_points = own
     parts.notes.append(f"{len(ties.names)} tie points with {n} projections")
+
+
+def _recognised(view: FileView) -> str:
+    if "doc.xml" in view.names and not view.is_folder:
+        return "an archive with doc.xml"
+    seen = re.search(r"<document\s+version=.*?<chunk", view.head, re.DOTALL)
+    if seen:
+        return "XML with <document version> and <chunk>"
+    seen = re.search(r"<calibration>\s*<projection>", view.head)
+    return "XML with <calibration> and <projection>" if seen else ""
+
+
+METASHAPE = Format(
+    "metashape", "Metashape, PhotoScan", _recognised, "XML with <document version> and <chunk>, or a .psz",
+    carries=("cameras", "distortion", "image points", "control", "check points", "positions", "start orientations",
+             "standard deviations", "rigs", "frame"),
+    page="docs/formats.md#metashape-and-photoscan", read=read_metashape, write=write_metashape,
+    written=("cameras", "distortion", "control", "check points", "positions", "start orientations",
+             "standard deviations", "frame"),
+    estimates_cameras=True,
+)  # fmt: skip

@@ -12,8 +12,9 @@ from aatri.formats.conventions.poses import ground_from_image
 from aatri.formats.micmac.mmvii import add_mmvii
 from aatri.formats.micmac.project import MicmacProject
 from aatri.formats.micmac.v1 import add_v1
+from aatri.formats.micmac.writer import write_micmac
 from aatri.formats.parts.block_parts import BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading, all_files
 from aatri.formats.text.text_file import missing
 from aatri.formats.text.text_line import places
 from aatri.formats.text.xml_tree import read_xml
@@ -164,3 +165,30 @@ def _contains(file: Path, words: Sequence[str]) -> bool:
     except OSError:
         return False
     return any(word in head for word in words)
+
+
+LOOKED_FOR = "XML with `ExportAPERO`, `MMVII_Serialization`, `DicoAppuisFlottant` or `SetOfMesureAppuisFlottants`"
+WORDS = ("<ExportAPERO", "MMVII_Serialization", "<DicoAppuisFlottant", "<SetOfMesureAppuisFlottants")
+
+
+def _recognised(view: FileView) -> str:
+    if not view.is_folder:
+        return next((f"XML with {word.strip('<')}" for word in WORDS if word in view.head), "")
+    xml = [name for name in view.names if name.lower().endswith(".xml")]
+    seen = next((name for name in xml if _recognised(view.of(name))), "")
+    folders = [name for name in view.names if name.startswith("Ori-") or name == "MMVII-PhgrProj"]
+    return f"{seen}, {_recognised(view.of(seen))}" if seen else ", ".join(folders)
+
+
+def _holds_several(view: FileView) -> bool:
+    return view.is_folder and any(len(folders) > 1 for folders in folders_of_project(view.path))
+
+
+MICMAC = Format(
+    "micmac", "MicMac and MMVII", _recognised, LOOKED_FOR,
+    carries=("cameras", "distortion", "image points", "control", "standard deviations", "covariances",
+             "start orientations"),
+    page="docs/formats.md#micmac", read=read_micmac, files_of=all_files, write=write_micmac,
+    written=("cameras", "distortion", "image points", "control", "standard deviations", "start orientations"),
+    estimates_cameras=True, holds_several=_holds_several,
+)  # fmt: skip

@@ -20,7 +20,7 @@ from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.poses import ground_from_image, is_rotation, position_of
 from aatri.formats.nvm.sparse_model import SparseModel, parts_of_model
 from aatri.formats.parts.block_parts import BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, OF_MODELS, Format, Reading, begins
 from aatri.formats.text.text_line import TextLine, word_lines
 from aatri.ids import several
 from aatri.progress import SILENT, Reporter
@@ -107,3 +107,15 @@ def _names(path: Path, count: int, reporter: Reporter) -> list[str]:
         )
     first: dict[str, TextLine] = {}
     return [line.once(line.words[0], first, "image") for line in lines]
+
+
+BUNDLER = Format(
+    "bundler",
+    "Bundler bundle.out",
+    begins("# Bundle file v0.3"),
+    "a line `# Bundle file v0.3`",
+    carries=OF_MODELS,
+    page="docs/formats.md#nvm-and-bundler",
+    read=read_bundler,
+    estimates_cameras=True,
+)

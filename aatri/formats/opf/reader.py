@@ -8,6 +8,7 @@ values. A camera is called as its URI; the accuracy of a mark is taken as a stan
 Source: the specification, github.com/Pix4D/opf-spec, versions 1.x.
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,11 @@ from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.opf.captures import Attitude, attitudes_of, in_scene, rigs_of
 from aatri.formats.opf.places import Located, Projected, located, placed, projected_places, scene_of_places
-from aatri.formats.opf.project import OpfProject, SceneFrame
+from aatri.formats.opf.project import PROJECT, OpfProject, SceneFrame
 from aatri.formats.opf.tracks import read_tracks
+from aatri.formats.opf.writer import write_opf
 from aatri.formats.parts.block_parts import PLANE, BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading
 from aatri.formats.text.json_text import JsonText, Key
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.progress import SILENT, Reporter
@@ -258,3 +260,27 @@ def _control(
             "line": lines,
         }
     return marks
+
+
+_STATED = re.compile(rf'"format"\s*:\s*"{re.escape(PROJECT)}"')  # the schema of OPF has the words elsewhere
+
+
+def _recognised(view: FileView) -> str:
+    if not view.is_folder:
+        return f"JSON of the format {PROJECT}" if _STATED.search(view.head[:4096]) else ""
+    return next((name for name in view.names if name.endswith(".opf") and _recognised(view.of(name))), "")
+
+
+def _files(view: FileView) -> list[Path]:
+    return [p for p in view.path.rglob("*") if p.is_file()] if view.is_folder else [view.path]
+
+
+OPF = Format(
+    "opf", "OPF project", _recognised, f"`project.opf`, JSON of the format {PROJECT}",
+    carries=("cameras", "distortion", "image points", "control", "check points", "positions", "attitudes",
+             "start orientations", "frame", "standard deviations", "rigs"),
+    page="docs/formats.md#opf", read=read_opf, files_of=_files, write=write_opf,
+    written=("cameras", "distortion", "image points", "control", "check points", "start values of points", "positions",
+             "start orientations", "frame", "standard deviations"),
+    estimates_cameras=True,
+)  # fmt: skip

@@ -22,7 +22,7 @@ from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.poses import ground_from_image, is_rotation
 from aatri.formats.parts.block_parts import BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading, all_files
 from aatri.formats.text.text_line import TextLine, places, word_lines
 from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
@@ -144,3 +144,22 @@ def _compare_matrices(path: Path, heads: list[TextLine], values: Float, files: l
             what = f"the matrix of {line.words[0]} is {apart:.3g} beside that of its parameters"
             problems.append(line.error(what, "the files are of different runs: export them together"))
     raise_all(problems)
+
+
+def _recognised(view: FileView) -> str:
+    if not view.is_folder:
+        return f"a first line {HEAD}" if view.head.startswith(HEAD) else ""
+    return next((name for name in view.names if name.endswith(ENDING) and _recognised(view.of(name))), "")
+
+
+PIX4D = Format(
+    "pix4d",
+    "Pix4D parameters",
+    _recognised,
+    "`*_calibrated_camera_parameters.txt`",
+    carries=("cameras", "distortion", "start orientations"),
+    page="docs/formats.md#pix4d-parameters",
+    read=read_pix4d,
+    files_of=all_files,
+    estimates_cameras=True,
+)

@@ -5,23 +5,24 @@ A new format is a `Format` in its own room, and a line here.
 
 from collections.abc import Mapping
 
-from aatri.formats.bingo.declaration import BINGO, GEOIN
-from aatri.formats.blocksexchange.declaration import BLOCKSEXCHANGE
+from aatri.formats.bingo.reader import BINGO, GEOIN
+from aatri.formats.blocksexchange.reader import BLOCKSEXCHANGE
 from aatri.formats.gis.declaration import GEOJSON, GEOPACKAGE
-from aatri.formats.ign.declaration import IGN_CAMERA, IGN_MARKS, IGN_POINTS
-from aatri.formats.inpho.declaration import INPHO
+from aatri.formats.ign.reader import IGN_CAMERA, IGN_MARKS, IGN_POINTS
+from aatri.formats.inpho.reader import INPHO
 from aatri.formats.lists.declaration import APPLANIX, IGN_OPK, TABLE
-from aatri.formats.metashape.declaration import METASHAPE
-from aatri.formats.micmac.declaration import MICMAC
+from aatri.formats.metashape.reader import METASHAPE
+from aatri.formats.micmac.reader import MICMAC
 from aatri.formats.navigation.declaration import MRK, PHOTOS, XMP
-from aatri.formats.nvm.declaration import BUNDLER, NVM
+from aatri.formats.nvm.bundler_reader import BUNDLER
+from aatri.formats.nvm.nvm_model import NVM
 from aatri.formats.opensfm.declaration import GCP_LIST, GEO, GROUND_CONTROL, RECONSTRUCTION, TRACKS
-from aatri.formats.opf.declaration import OPF
+from aatri.formats.opf.reader import OPF
 from aatri.formats.parts.format import Format
-from aatri.formats.patb.declaration import PATB
-from aatri.formats.pix4d.declaration import PIX4D
+from aatri.formats.patb.orientations import PATB
+from aatri.formats.pix4d.reader import PIX4D
 from aatri.formats.registry.own_stages import BAL, COLMAP, DBAT, DBAT_CONTROL, GAMA, PAIRS, TABLES, WUCAPS
-from aatri.formats.socet.declaration import GPF, IPF
+from aatri.formats.socet.reader import GPF, IPF
 
 FORMATS: tuple[Format, ...] = (
     TABLES,

@@ -6,8 +6,7 @@ from pathlib import Path
 from aatri.errors import SpecError
 from aatri.formats.parts.format import Format, Writing
 from aatri.formats.registry.catalogue import BY_NAME, FORMATS
-from aatri.formats.results.crs import write_crs
-from aatri.formats.results.exported_files import lost
+from aatri.formats.results.exported_files import lost, write_crs
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.ids import clipped, did_you_mean
 from aatri.progress import Reporter

@@ -9,8 +9,7 @@ from typing import Any, get_args
 
 from aatri.artifacts.block import Block
 from aatri.codes import CONTROL
-from aatri.formats.bal.reader import read_bal
-from aatri.formats.bal.writer import write_bal_problem
+from aatri.formats.bal.problem import read_bal, write_bal_problem
 from aatri.formats.colmap.reader import read_colmap
 from aatri.formats.colmap.writer import write_colmap_model
 from aatri.formats.dbat.files import read_control

@@ -1,12 +1,18 @@
-"""What is common to all exports: their options, and what of a block they had no place for."""
+"""What is common to all exports: their options, and what of a block they had no place for.
+
+A model whose own form has no place for the coordinate system has it beside it: `crs.txt`, a line a fact.
+"""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from aatri.arrays import Float
+from aatri.artifacts.block import Block
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
+from aatri.errors import ResourceError
 from aatri.formats.parts.format import Content
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.ids import shown
@@ -115,3 +121,35 @@ def lost(oriented: OrientedBlock, written: Sequence[Content]) -> list[str]:
         for content, count in contents_of(oriented).items()
         if content not in written
     ]
+
+
+NAME = "crs.txt"
+MAP = "east,north,up"
+"""The order of map coordinates in a Solution, whatever their order in the tables."""
+
+
+def write_crs(block: Block, folder: Path) -> Path | None:
+    """Write in which system the coordinates of an export are; None where the block declares none.
+
+    Parameters
+    ----------
+    folder : Path
+        With the export.
+
+    Raises
+    ------
+    ResourceError
+        If the file cannot be written.
+    """
+    crs, vertical = str(block.frames.crs[0]), str(block.frames.vertical[0])
+    if crs == "local":
+        return None
+    given = str(block.frames.axes[0])
+    axes = MAP if sorted(given.split(",")) == sorted(MAP.split(",")) else given
+    lines = [f"crs: {crs}", *([f"vertical: {vertical}"] if vertical else []), f"axes: {axes}", "unit: m"]
+    path = folder / NAME
+    try:
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ResourceError(f"cannot write: {error.strerror}", where=str(path), remedy="another place") from error
+    return path

@@ -6,6 +6,11 @@ correlations of the camera parameters, additional and of camera models, each pai
 coordinates refer to.
 
 cameras.csv has the interior orientations as adjusted, with their covariance and the convention of each camera.
+
+point_covariances.csv holds point_1 point_2 and the nine covariances of X Y Z of the first by those of the second, m^2;
+image_covariances.csv the image and the upper triangle by rows of the covariance matrix of X Y Z d1 d2 d3, where d1 d2
+d3 turn the image about the axes of the ground system, R <- exp([d]x) R, in rad; what is not determined has no row.
+
 Metres, millimetres in the image, degrees. Angles in both systems: omega-phi-kappa is R = Rx(omega) Ry(phi) Rz(kappa),
 phi-omega-kappa (columns `_pok_`) is R = Ry(-phi) Rx(omega) Rz(kappa). Standard deviations are a priori: sigma0 is not
 applied to them. An empty cell is not determined or not known, never 0. Numbers are written so that they read back to
@@ -14,6 +19,7 @@ the same bits. A text that a spreadsheet would take for a formula is prefixed by
 
 import csv
 from collections.abc import Mapping
+from itertools import combinations_with_replacement, product
 from pathlib import Path
 from typing import Any
 
@@ -35,13 +41,40 @@ from aatri.formats.results.column_names import (
     named,
     standard_deviations,
 )
-from aatri.formats.results.covariance_tables import covariance_tables
 from aatri.formats.results.interior_orientation import interior_columns
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.text.csv_cells import shielded
 from aatri.frames.axes import columns_in_order
 from aatri.geometry.two_point import TwoPointFrame
 from aatri.observations.poses import ADDITIONAL
+
+AXES = ("X", "Y", "Z")
+OF_IMAGES = ("X_m", "Y_m", "Z_m", "d1_rad", "d2_rad", "d3_rad")
+
+
+def covariance_tables(solution: Solution) -> dict[str, Mapping[str, npt.NDArray[Any]]]:
+    """Columns of the tables by the names of their files; a table without rows is none."""
+    points, between, images = solution.points, solution.point_covariances, solution.images
+    first, second, matrices = points.id, points.id, points.covariance_m2
+    if between is not None:
+        pairs = between.first != between.second
+        first = np.concatenate([first, points.id[between.first[pairs]]])
+        second = np.concatenate([second, points.id[between.second[pairs]]])
+        matrices = np.concatenate([matrices, between.covariance_m2[pairs]])
+    tables: dict[str, Mapping[str, npt.NDArray[Any]]] = {}
+    kept = np.isfinite(matrices).all(axis=(1, 2))
+    if kept.any():
+        cells = {f"{AXES[i]}{AXES[j]}_m2": matrices[kept, i, j] for i, j in product(range(3), repeat=2)}
+        tables["point_covariances.csv"] = {"point_1": first[kept], "point_2": second[kept], **cells}
+    kept = np.isfinite(images.covariance).all(axis=(1, 2))
+    if kept.any():
+        cells = {
+            f"{OF_IMAGES[i]}_{OF_IMAGES[j]}": images.covariance[kept, i, j]
+            for i, j in combinations_with_replacement(range(6), 2)
+        }
+        tables["image_covariances.csv"] = {"image": images.id[kept], **cells}
+    return tables
+
 
 Columns = Mapping[str, npt.NDArray[Any]]
 

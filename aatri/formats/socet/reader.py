@@ -30,7 +30,7 @@ from aatri.codes import APPROXIMATE, CHECK, CONTROL
 from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.parts.block_parts import PLANE, BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, Format, Reading, begins
 from aatri.formats.text.text_line import TextLine, places, word_lines
 from aatri.frames.conversion import Frame
 from aatri.ids import several
@@ -214,3 +214,26 @@ def _proposal(path: Path) -> str:
             )
     of_mars = "crs=+proj=longlat +a=3396190 +b=3376200 +no_defs +type=crs"
     return f'on Earth `--set crs=EPSG:4979`, on Mars `--set "{of_mars}"`, in a pipeline `crs:` beside the path'
+
+
+PAGE = "docs/formats.md#socet"
+
+
+GPF = Format(
+    "socet_gpf",
+    "SOCET ground points (.gpf)",
+    begins("GROUND POINT FILE"),
+    "a first line GROUND POINT FILE",
+    carries=("control", "start values of points", "standard deviations", "frame"),
+    page=PAGE,
+    read=read_gpf,
+)
+IPF = Format(
+    "socet_ipf",
+    "SOCET image points (.ipf)",
+    begins("IMAGE POINT FILE"),
+    "a first line IMAGE POINT FILE",
+    carries=("image points", "standard deviations"),
+    page=PAGE,
+    read=read_ipf,
+)

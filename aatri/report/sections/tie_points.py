@@ -1,7 +1,7 @@
-"""Where image points lie in their images: cells with a point, and pairs of images beside each other.
+"""Where image points lie in their images: cells with a point, pairs of images beside each other, the most weakly tied.
 
-Told of blocks with many image points, as programs find them in pixels. Points that are measured at standard positions
-are fewer than cells, and an image is not worse for cells without one.
+Cells and pairs are told of blocks with many image points, as programs find them in pixels. Points that are measured at
+standard positions are fewer than cells, and an image is not worse for cells without one.
 """
 
 import contextlib
@@ -18,6 +18,7 @@ from aatri.pixels.reading import reduced_jpeg
 from aatri.report.drawing.overlays import ImagePair, cells_picture, pair_picture
 from aatri.report.drawing.picture import Picture
 from aatri.report.drawing.rays import rays_in_use
+from aatri.report.sections.tables import MOST_ROWS, Columns, PageTable, all_rows
 
 LONGEST_PX = 900
 """Of a photograph on the page."""
@@ -99,3 +100,21 @@ def _photograph(block: Block, image: int) -> bytes:
         path = str(block.images.path[image])
         return reduced_jpeg(path, LONGEST_PX) if path else b""
     return b""
+
+
+def weakest_images(block: Block, pairs: tuple[Int, Int, Int]) -> PageTable | None:
+    """Images by their strongest tie, the weakest first: with whom, by how many points, and to how many in all."""
+    left, right, count = pairs
+    one, other, points = np.append(left, right), np.append(right, left), np.append(count, count)
+    order = np.lexsort((-points, one))
+    first = np.append(True, np.diff(one[order]) > 0)[: len(order)]
+    best = order[first]
+    partners = np.bincount(one, minlength=len(block.images))
+    weakest = best[np.argsort(points[best], kind="stable")][:MOST_ROWS]
+    columns: Columns = {
+        "image": block.images.id[one],
+        "best tied to": block.images.id[other],
+        "common points": points,
+        "tied to images": partners[one],
+    }
+    return all_rows("Images by their strongest tie, the weakest first", columns, weakest)

@@ -16,8 +16,7 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.camera.models.forward_models import bal
 from aatri.errors import AatriError
-from aatri.formats.bal.reader import PIXEL_MM, read_problem
-from aatri.formats.bal.writer import NAME, write_bal_problem
+from aatri.formats.bal.problem import NAME, PIXEL_MM, read_problem, write_bal_problem
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.rotations import rotation_from_angles

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from aatri.errors import AatriError
-from aatri.formats.bal.reader import read_problem
+from aatri.formats.bal.problem import read_problem
 from aatri.geometry.rotations import rotation_from_angles
 from tests.reading import read_bal
 

@@ -10,7 +10,7 @@ import pytest
 from aatri.errors import AatriError
 from aatri.formats.colmap.reader import read_colmap
 from aatri.formats.nvm.bundler_reader import read_bundler
-from aatri.formats.nvm.nvm_reader import read_nvm
+from aatri.formats.nvm.nvm_model import read_nvm
 from aatri.formats.parts.assembled import assembled
 from aatri.geometry.rotations import rotation_from_angles
 from tests.formats.lens_projection import misfit_px

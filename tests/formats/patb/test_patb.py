@@ -11,7 +11,7 @@ import pytest
 from aatri.arrays import Float
 from aatri.errors import AatriError
 from aatri.formats.parts.format import Reading
-from aatri.formats.patb.reader import read_patb
+from aatri.formats.patb.orientations import read_patb
 from aatri.progress import SILENT
 
 AZIMUTH = math.radians(30)

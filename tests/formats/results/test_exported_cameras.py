@@ -15,7 +15,7 @@ from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.errors import InputError
-from aatri.formats.bal.writer import write_bal_problem
+from aatri.formats.bal.problem import write_bal_problem
 from aatri.formats.colmap.writer import write_colmap_model
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.results.oriented_block import OrientedBlock

@@ -14,7 +14,7 @@ from aatri.artifacts import block as b
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures, SingleModels
 from aatri.artifacts.solution import Parameters, PointCovariances, ProposedNumbers, Uncontrolled
 from aatri.errors import ResourceError
-from aatri.formats.results.crs import write_crs
+from aatri.formats.results.exported_files import write_crs
 from aatri.formats.results.solution_tables import point_roles, write_evaluation_tables, write_solution_tables
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle

@@ -1,27 +1,34 @@
-"""PATB's orientations, `.ori`: three records of fixed width a photo.
+"""PATB's orientations, `.ori`: three records of fixed width a photo, read and written.
 
     I16, 16X, 3F16.5    photo  X Y Z                  m
     5F16.12             a11 a12 a13 a21 a22
     4F16.12             a23 a31 a32 a33
 
-The records do not say whether the matrix maps image to ground (Rx Ry Rz, as Pix4D and aatri write it) or back: the
-lines of the flight do (`conventions.matrix_sense`), or the user (`maps`). They are start values.
+Read, the records do not say whether the matrix maps image to ground (Rx Ry Rz, as Pix4D and aatri write it) or back:
+the lines of the flight do (`conventions.matrix_sense`), or the user (`maps`). They are start values.
 
-Source: PCI Geomatics, support document 204186705.
+Written, the matrix is R = Rx(omega) Ry(phi) Rz(kappa), image to ground, x right, y up; coordinates end at 1e-5 m.
+Photos are numbers: where the ids are none, `photos.csv` says which is which.
+
+Source: PCI Geomatics, support document 204186705; "PATB convention" in support.pix4d.com 202559089.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.errors import InputError
+from aatri.errors import GeometryError, InputError
 from aatri.formats.conventions.matrix_sense import as_ground_from_image
-from aatri.formats.conventions.poses import is_rotation
+from aatri.formats.conventions.poses import is_rotation, stated_rotation
 from aatri.formats.parts.block_parts import PLANE, BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, AS_USUAL, FileView, Format, Reading, Writing
+from aatri.formats.results.exported_files import short_names
+from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, blank_separated, places
+from aatri.formats.text.written_files import write_files
 from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
 
@@ -81,3 +88,58 @@ def _record(path: Path, line: int, text: str, fields: tuple[int, ...]) -> TextLi
     else:
         return TextLine(words, path, line)
     raise InputError(what, where=f"{path}:{line}", remedy="keep to the columns of 16 characters")
+
+
+LONGEST = 9
+"""Digits of a photo number: readers take it for a whole number of four bytes."""
+
+
+def write_patb(oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL, reporter: Reporter = SILENT) -> None:
+    """Write the oriented images as `orientations.ori`.
+
+    Raises
+    ------
+    GeometryError
+        If no image is oriented.
+    ResourceError
+        If a file cannot be written.
+    """
+    rows = np.flatnonzero(oriented.oriented)
+    if not len(rows):
+        raise GeometryError("no image has position and rotation", remedy="export a result, or give start values")
+    photos, table = short_names(oriented.block.images.id[rows].tolist(), LONGEST, numbers=True)
+    matrices = stated_rotation(oriented.ground_from_image[rows], "patb").reshape(-1, 9).tolist()
+    lines = []
+    for photo, xyz, a in zip(photos, oriented.position_m[rows].tolist(), matrices):
+        lines.append(f"{photo:>16}{'':16}" + "".join(f"{value:16.5f}" for value in xyz))
+        lines += ["".join(f"{value:16.12f}" for value in a[:5]), "".join(f"{value:16.12f}" for value in a[5:])]
+    files = {"orientations.ori": "\n".join(lines) + "\n"} | ({"photos.csv": table} if table else {})
+    write_files(folder, files)
+    reporter.log("the matrices are R = Rx(omega) Ry(phi) Rz(kappa), image to ground; coordinates end at 1e-5 m")
+
+
+_NUMBER = r"\s*[-+]?[0-9]+\.[0-9]*"
+_RECORDS = (
+    re.compile(rf"\s*\S{{1,16}}(?:{_NUMBER}){{3}}\s*"),
+    re.compile(rf"(?:{_NUMBER}){{5}}\s*"),
+    re.compile(rf"(?:{_NUMBER}){{4}}\s*"),
+)
+
+
+def _recognised(view: FileView) -> str:
+    records = view.lines[:3]
+    alike = len(records) == 3 and all(form.fullmatch(line) for form, line in zip(_RECORDS, records))
+    return "records `photo X Y Z` and nine numbers in two lines" if alike else ""
+
+
+PATB = Format(
+    "patb",
+    "PATB orientations (.ori)",
+    _recognised,
+    "three records of fixed width a photo",
+    carries=("start orientations",),
+    page="docs/formats.md#patb",
+    read=read_patb,
+    write=write_patb,
+    written=("start orientations",),
+)

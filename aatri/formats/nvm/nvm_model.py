@@ -10,6 +10,9 @@ A block is one model: the one with most images is read, and the images of the ot
 q turns ground to camera (x right, y down, z forward), cx cy cz is the centre; x, y are px from the image centre, y
 down. r corrects the measurement: (1 + r |m|^2) m = (X/Z, Y/Z) with m in units of f.
 
+Written, each image has a camera of its own, the focal length and r of its camera; coordinates count from the principal
+point, in pixels as wide as high. Points are in the order of the block, their ids have no place.
+
 Source: VisualSFM documentation, ccwu.me/vsfm/doc.html; Wu et al. 2011, Multicore bundle adjustment.
 """
 
@@ -19,11 +22,14 @@ import numpy as np
 
 from aatri.errors import InputError
 from aatri.formats.conventions.lens import Lens
-from aatri.formats.conventions.poses import matrix_of_quaternion
+from aatri.formats.conventions.poses import matrix_of_quaternion, quaternion_of_matrix, stated_rotation
 from aatri.formats.nvm.sparse_model import SparseModel, parts_of_model
 from aatri.formats.parts.block_parts import BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, AS_USUAL, OF_MODELS, Format, Reading, Writing, begins
+from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.results.sparse_rays import centred_cameras
 from aatri.formats.text.text_line import TextLine, word_lines
+from aatri.formats.text.written_files import write_files
 from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 
@@ -114,3 +120,56 @@ def _section(lines: list[TextLine], at: int, what: str) -> tuple[list[TextLine],
     if not (what == "images") <= count <= len(lines) - at - 1:
         raise lines[at].error(f"{count} {what}, and {several(len(lines) - at - 1, 'line')} below", EXPORT)
     return lines[at + 1 : at + 1 + count], at + 1 + count
+
+
+NAME = "model.nvm"
+
+
+def write_nvm(oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL, reporter: Reporter = SILENT) -> None:
+    """Write an oriented block as `model.nvm`.
+
+    Raises
+    ------
+    InputError
+        If a camera cannot be written as f, r, or the name of an image has blanks.
+    ResourceError
+        If the file cannot be written.
+    """
+    block, rays = oriented.block, oriented.model_rays
+    lenses, xy_px = centred_cameras(oriented, ["nvm"], reporter, allowed_px=writing.lens_misfit_px)
+    images, points = np.unique(rays.image), np.unique(rays.point)
+    names = block.images.id[images].tolist()
+    if blank := [name for name in names if len(name.split()) != 1]:
+        what = f"names with blanks, which separate the words of NVM: {shown(blank)}"
+        raise InputError(what, where=f"block {block.name}", remedy="rename the images, or export as colmap")
+    quaternion = quaternion_of_matrix(stated_rotation(oriented.ground_from_image[images], "nvm")).tolist()
+    lines = ["NVM_V3", "", str(len(images))]
+    for name, row, q, centre in zip(names, images.tolist(), quaternion, oriented.position_m[images].tolist()):
+        lens = lenses[int(block.images.camera[row])]
+        lines.append(" ".join([name, *map(repr, (lens.focal_px[0], *q, *centre, lens.parameters["r"])), "0"]))
+    number = {row: k for k, row in enumerate(images.tolist())}
+    order = np.argsort(rays.point, kind="stable")
+    first = np.searchsorted(rays.point[order], points)
+    feature = np.arange(len(rays.image)) - np.searchsorted(rays.image, rays.image)
+    lines += ["", str(len(points))]
+    for xyz, of_point in zip(oriented.xyz_m[points].tolist(), np.split(order, first[1:])):
+        marks = [
+            f"{number[int(rays.image[k])]} {feature[k]} {x!r} {y!r}"
+            for k, (x, y) in zip(of_point.tolist(), xy_px[of_point].tolist())
+        ]
+        lines.append(" ".join([*map(repr, xyz), "0 0 0", str(len(marks)), *marks]))
+    write_files(folder, {NAME: "\n".join([*lines, "", "0"]) + "\n"})
+
+
+NVM = Format(
+    "nvm",
+    "VisualSFM NVM",
+    begins("NVM_V3"),
+    "a first line NVM_V3",
+    carries=OF_MODELS,
+    page="docs/formats.md#nvm-and-bundler",
+    read=read_nvm,
+    write=write_nvm,
+    written=OF_MODELS,
+    estimates_cameras=True,
+)

@@ -1,4 +1,4 @@
-"""Reading of Bundle Adjustment in the Large problems as a Block.
+"""Problems of Bundle Adjustment in the Large, read as a Block and written of an oriented one.
 
 A text file of numbers: `cameras points observations`; per observation `camera point x y`; nine numbers per camera,
 rotation vector w, translation t, f, k1, k2; three per point. Cameras and points count from 0. With R = exp([w]x)
@@ -12,6 +12,10 @@ taken as 0.001 mm, which makes c = f um. Camera and image k have the id k, so ha
 The rotation leaves it open whether a point lies in front of its camera; observations of points behind stay active, as
 the problem defines its cost: half the sum of all squares. So do features that the problem has twice.
 
+Written are the oriented images and the points with rays, in the order of their ids (numerically where all are numbers),
+counted from 0. Each image gets the f, k1 and k2 of its camera; coordinates count from the principal point, in pixels as
+wide as high.
+
 Source: Agarwal, Snavely, Seitz & Szeliski 2010, Bundle adjustment in the large; grail.cs.washington.edu/projects/bal.
 """
 
@@ -21,16 +25,21 @@ from typing import Any
 
 import numpy as np
 
-from aatri.arrays import Float, Int
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import APPROXIMATE, Block
 from aatri.artifacts.builder import block_of
 from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PIXEL_MM
+from aatri.formats.conventions.poses import stated_rotation, translation_of
+from aatri.formats.parts.format import AS_USUAL, Writing
+from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.results.sparse_rays import centred_cameras
 from aatri.formats.text.number_text import numbers_of
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import blank_separated
+from aatri.formats.text.written_files import write_files
 from aatri.geometry.collinearity import in_image_axes
-from aatri.geometry.rotations import angles_from_rotation, exp_rotation
+from aatri.geometry.rotations import angles_from_rotation, exp_rotation, log_rotation
 from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
 
@@ -188,3 +197,56 @@ def _check_numbers(measured: Float, counts: tuple[int, int], line: Int, path: Pa
             k = int(wrong[0])
             message = f"{what} {number[k]:g}, but there are {count}, counted from 0"
             raise InputError(message, where=f"{path}:{line[k]}", remedy="mend the number")
+
+
+NAME = "problem.txt"
+
+
+def write_bal_problem(
+    oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL, reporter: Reporter = SILENT
+) -> None:
+    """Write an oriented block as `problem.txt`.
+
+    Raises
+    ------
+    InputError
+        If a camera cannot be written as f, k1, k2.
+    ResourceError
+        If the file cannot be written.
+    """
+    block, rays = oriented.block, oriented.model_rays
+    lenses, xy_px = centred_cameras(oriented, ["bundler"], reporter, allowed_px=writing.lens_misfit_px)
+    images, points = np.unique(rays.image), np.unique(rays.point)
+    images, points = _in_order(block.images.id, images), _in_order(block.points.id, points)
+    image_number, point_number = _numbers(images, len(block.images)), _numbers(points, len(block.points))
+    order = np.lexsort((image_number[rays.image], point_number[rays.point]))
+    lines = [f"{len(images)} {len(points)} {len(order)}"]
+    lines += [
+        f"{i} {j} {x!r} {-y!r}"
+        for i, j, (x, y) in zip(
+            image_number[rays.image][order].tolist(), point_number[rays.point][order].tolist(), xy_px[order].tolist()
+        )
+    ]
+    rotation = oriented.ground_from_image[images]
+    values = [
+        [lens.focal_px[0], lens.parameters["k1"], lens.parameters["k2"]]
+        for lens in (lenses[k] for k in block.images.camera[images].tolist())
+    ]
+    translation = translation_of(rotation, oriented.position_m[images], "bal")
+    poses = np.hstack([log_rotation(stated_rotation(rotation, "bal")), translation, np.array(values)])
+    lines += [repr(v) for v in [*poses.ravel().tolist(), *oriented.xyz_m[points].ravel().tolist()]]
+    write_files(folder, {NAME: "\n".join(lines) + "\n"})
+
+
+def _in_order(ids: Text, rows: Int) -> Int:
+    """Rows in the order of their ids, numerically where all are numbers."""
+    names = ids[rows].tolist()
+    if all(name.isascii() and name.isdigit() for name in names):
+        return np.asarray(rows[np.argsort([int(name) for name in names], kind="stable")])
+    return rows
+
+
+def _numbers(rows: Int, n: int) -> Int:
+    number = np.full(n, -1, dtype=np.int32)
+    number[rows] = np.arange(len(rows), dtype=np.int32)
+    return number
