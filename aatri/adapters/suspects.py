@@ -39,7 +39,7 @@ def _beyond_the_limit(result: BundleResult, options: SearchOptions) -> list[Susp
     """Observations of all kinds whose residual in a robust adjustment is beyond the limit."""
     tested = [o for o in result.observations if not (o.observed.exact or o.observed.components) and o.used.any()]
     tests = sum(int(o.observed.records.observed_components()[o.used].sum()) for o in tested)
-    limit, parts = options.for_tests(tests).limit, []
+    limit, parts = options.for_tests(tests).w_limit, []
     for adjusted in tested:
         rows = np.flatnonzero(adjusted.used)
         w = whitened_residuals(adjusted.observed.records, result.adjusted.state, rows)

@@ -80,9 +80,9 @@ def _searched(
     source: ObservationSource, inputs: BundleInput, options: BundleOptions, adjust: Callable[..., BundleResult]
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]:
     """The adjusted block after the search of the options, and the groups it found."""
-    searching, groups = options.blunders.search_options(), tuple[AcceptedGroup, ...]()
+    searching, groups = options.blunders, tuple[AcceptedGroup, ...]()
     if options.variance_components is not None and searching.sigmas == "estimated":
-        searching = replace(searching, sigmas="tests")  # the weights are for them to find
+        searching = searching.model_copy(update={"sigmas": "tests"})  # the weights are for them to find
 
     adjust = failing_once(adjust)
 

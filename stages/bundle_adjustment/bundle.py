@@ -48,16 +48,23 @@ from aatri.checks.after.rejections import exchanged_proposals
 from aatri.checks.after.uncontrolled import uncontrolled_observations
 from aatri.checks.at_start.information import check_sets
 from aatri.checks.finding import Finding, report
+from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import without_covariances
 from aatri.orientation.bundle.settings import Datum, DatumOver
 from aatri.plugin import SILENT, Context, Field, Need, stage
 
 from ._adjusted import adjusted_bundle
 from ._adjusting import AdjustmentOptions
-from ._blunders import GONE, Blunders
 from ._self_calibration import SelfCalibration, camera_tables, units_named
 from ._uses import used
 from ._variance_components import VarianceComponentOptions
+
+GONE = {
+    "huber": "`huber: K` is now `blunders: {method: robust, weights: huber, bound: K}`",
+    "huber_rejects": "`huber_rejects: L` is now `blunders: {method: robust, limit: L}`; `robust_snooping`, the "
+    "default, needs no second bundle",
+}
+"""Options there were, and what to write instead."""
 
 
 class BundleOptions(AdjustmentOptions):
@@ -107,8 +114,8 @@ class BundleOptions(AdjustmentOptions):
         None,
         description="standard deviations of groups of observations from their residuals: a mapping with groups, apply",
     )
-    blunders: Blunders = Field(
-        Blunders(), description="search for gross errors: a method, or a mapping with method, limit, max_share ..."
+    blunders: SearchOptions = Field(
+        SearchOptions(), description="search for gross errors: a method, or a mapping with method, limit, max_share ..."
     )
     ordering: Ordering = Field(
         "auto",
@@ -210,7 +217,7 @@ def bundle(
     proposed = proposed_numbers(done) if searched else None
     exchanged = exchanged_proposals(proposed, suspects) if proposed is not None else []
     report([*findings, *exchanged, *camera_notes, *uncontrolled_observations(uncontrolled)], context)
-    suspects = after(suspects, done, options.blunders.search_options())
+    suspects = after(suspects, done, options.blunders)
     orderings = report_orderings(done, options.ordering, context)  # before the tables are made, which are large, too
     solution = replace(
         bundle_solution(source, shown, suspects, uncontrolled, of_cameras, tests=options.reliability),

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from aatri.errors import InputError
 from aatri.formats.text.number_text import number_of
@@ -20,29 +20,38 @@ PlaceT = TypeVar("PlaceT", bound="ReadAt")
 _WORD = re.compile(rf'"[^"]*"(?=[{_BLANKS}]|$)|[^{_BLANKS}]+')
 
 
-class ReadAt:
+class ReadAt(Protocol):
     """Whatever stands in a line of a file."""
 
-    path: Path
-    line: int
+    @property
+    def path(self) -> Path:
+        """The file."""
 
     @property
-    def where(self) -> str:
-        """`file:line`."""
-        return f"{self.path}:{self.line}"
+    def line(self) -> int:
+        """From 1."""
 
-    def error(self, what: str, remedy: str = "") -> InputError:
-        """An error at this line."""
-        return InputError(what, where=self.where, remedy=remedy)
+
+def where_of(at: ReadAt) -> str:
+    """`file:line`."""
+    return f"{at.path}:{at.line}"
+
+
+def error_at(at: ReadAt, what: str, remedy: str = "") -> InputError:
+    """An error at a line."""
+    return InputError(what, where=where_of(at), remedy=remedy)
 
 
 @dataclass(frozen=True)
-class TextLine(ReadAt):
+class TextLine:
     """The words of a line, and where it stands."""
 
     words: list[str]
     path: Path
     line: int
+
+    where = property(where_of)
+    error = error_at
 
     def number(self, k: int) -> float:
         """The word as a number."""
@@ -105,14 +114,14 @@ def once(at: PlaceT, name: str, first: dict[str, PlaceT], what: str, remedy: str
     """Refuse a name that has stood before among those of its kind, whose places are kept in `first`."""
     if (before := first.setdefault(name, at)) is not at:
         place = f"line {before.line}" if before.path == at.path else f"{before.path.name}:{before.line}"
-        raise at.error(f"{what} {clipped(name)} twice, first in {place}", remedy)
+        raise error_at(at, f"{what} {clipped(name)} twice, first in {place}", remedy)
 
 
 def check_positive(at: ReadAt, sigma: Sequence[float]) -> None:
     """Refuse standard deviations that are zero or negative; NaN is one that is not stated."""
     if any(value <= 0 for value in sigma):
         stated = ", ".join(f"{value:g}" for value in sigma)
-        raise at.error(f"standard deviations {stated}", "they are positive, in m")
+        raise error_at(at, f"standard deviations {stated}", "they are positive, in m")
 
 
 def places(rows: Sequence[ReadAt], files: Sequence[Path]) -> dict[str, list[int]]:

@@ -23,7 +23,7 @@ from aatri.errors import InputError
 from aatri.formats.text.archive import ZIP, Archive, only_document
 from aatri.formats.text.number_text import number_of, whole_number_of
 from aatri.formats.text.text_file import read_bytes, refuse_page
-from aatri.formats.text.text_line import ReadAt, blank_separated
+from aatri.formats.text.text_line import blank_separated, error_at, where_of
 from aatri.ids import clipped
 
 _DECLARED = re.compile(rb"""\s*<\?xml[^>]{0,200}?\sencoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
@@ -39,7 +39,7 @@ MOST_LEVELS = 100
 
 
 @dataclass(eq=False)
-class XmlElement(ReadAt):
+class XmlElement:
     """An element: name, attributes, the text directly in it, the elements in it, and where it stands."""
 
     tag: str
@@ -48,6 +48,9 @@ class XmlElement(ReadAt):
     line: int
     children: list[XmlElement] = field(default_factory=list, repr=False)
     pieces: list[str] = field(default_factory=list, repr=False)
+
+    where = property(where_of)
+    error = error_at
 
     @property
     def text(self) -> str:

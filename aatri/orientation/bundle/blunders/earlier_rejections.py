@@ -96,13 +96,15 @@ def search_anew(
             anew = search(start, adjust, chosen, tolerance)
         except (ConvergenceError, GeometryError):
             return done
-        return anew if misfit(anew.result, options.limit) <= MUCH_LESS * misfit(done.result, options.limit) else done
+        return (
+            anew if misfit(anew.result, options.w_limit) <= MUCH_LESS * misfit(done.result, options.w_limit) else done
+        )
 
     if done.above and any(map(_rejected, done.inputs.observed)) and any(map(_rejected, block.observed)):
         with_earlier = replace(block, observed=tuple(o.again() if _rejected(o) else o for o in block.observed))
         done = better(from_result(with_earlier, done.result), options)
     if options.method == "robust_snooping" and _contradicts(done):
-        done = better(block, replace(options, method="data_snooping"))
+        done = better(block, options.model_copy(update={"method": "data_snooping"}))
     return done
 
 

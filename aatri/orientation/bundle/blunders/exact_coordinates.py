@@ -56,7 +56,7 @@ class ExactCoordinates(RobustStart):
 
         A far one bends all rays: standard deviations that fit with it are so large that nothing is wrong any more.
         """
-        limit = self.options.limit
+        limit = self.options.w_limit
         if not any(map(is_testable, self.all.observed)):
             return start, active
         while start.result.adjusted.has_factor and misfit(start.result, limit) > 0:
@@ -91,7 +91,7 @@ class ExactCoordinates(RobustStart):
         rejected : (k,) int
             Those that are out already.
         """
-        limit, wrong = self.options.limit, np.zeros_like(searched[1])
+        limit, wrong = self.options.w_limit, np.zeros_like(searched[1])
         if not any(map(is_testable, self.all.observed)):
             return searched, wrong
         while searched[0].result.adjusted.has_factor:

@@ -69,7 +69,7 @@ class FittedSigmas(Rejections):
         before = self.scaling, self.block, self.all
         apart = self._with_noisy_image_apart(tested)
         fitted = self._with_scales(apart)
-        above_limit = bool((fitted.active & (fitted.test > self.options.limit)).any())
+        above_limit = bool((fitted.active & (fitted.test > self.options.w_limit)).any())
         if apart is tested or (self.scaling.noisy and not (self.smeared or above_limit)):
             return fitted
         self.scaling, self.block, self.all = before
@@ -188,8 +188,8 @@ class FittedSigmas(Rejections):
 
         Not `anew`, no tail grows longer than it was: gross errors that come back smear, and would bring more back.
         """
-        limit, classes = self.options.limit, self.scaling.classes
-        if not self.options.counts:
+        limit, classes = self.options.w_limit, self.scaling.classes
+        if self.options.limit is not None:
             return np.broadcast_to(1.0, len(self.all.native))
         tails = classes.tails(result, limit)
         self.tails = tails if anew else tuple(min(pair, key=lambda t: t.limit) for pair in zip(self.tails, tails))
@@ -197,7 +197,7 @@ class FittedSigmas(Rejections):
 
     def _tail_notes(self, use: Bool, test: Float) -> list[Note]:
         """Classes of observations whose errors have long tails, and what is used though normal errors are smaller."""
-        limit, notes = self.options.limit, list[Note]()
+        limit, notes = self.options.w_limit, list[Note]()
         text = (
             "{}: errors have longer tails than normal ones (as Student's of {:.0f} degrees of freedom): gross is what "
             "is beyond {:.3g} sigma, not {:.3g}"
@@ -221,7 +221,7 @@ class FittedSigmas(Rejections):
         return np.concatenate([np.zeros(0, dtype=bool), *parts])
 
     def _is_harmful(self, tested: TestedBlock, active: Bool, scale: Float | float = 1.0) -> bool:
-        return bool((active & (tested.test > HARMLESS * self.options.limit * scale)).any())
+        return bool((active & (tested.test > HARMLESS * self.options.w_limit * scale)).any())
 
     def solve(self, previous: TestedBlock | None, use: Bool) -> TestedBlock:
         """Adjusted by least squares with some records, from where an earlier adjustment has come to."""

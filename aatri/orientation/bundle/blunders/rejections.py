@@ -51,7 +51,7 @@ class Rejections:
         self.block, self.all = block, AllRecords.of(block)
         self.options = options = options.for_tests(self.all.tests)
         observed = [o.records for o in self.all.observed]
-        self.snooping = Snooping(options.limit, (POINT,), ("", 1.0), CLEAR[options.method], 1.0)
+        self.snooping = Snooping(options.w_limit, (POINT,), ("", 1.0), CLEAR[options.method], 1.0)
         pool = pool_of(self.snooping, observed, [np.zeros(len(r.active)) for r in observed])
         self.pool: Pool = replace(pool, counted=self.all.native, variance=np.broadcast_to(0.0, len(self.all.native)))
         self.undecided = np.zeros(len(self.all.native), dtype=bool)
@@ -82,7 +82,7 @@ class Rejections:
 
     def _not_in_place_of_coordinates(self, test: Float, use: Bool) -> Bool:
         """Records at points whose coordinates are the clearest there, and may not go: they do not go in their stead."""
-        above_limit = use & self.all.coordinates & (test > self.options.limit)
+        above_limit = use & self.all.coordinates & (test > self.options.w_limit)
         kept_coordinates = np.flatnonzero(above_limit & ~self.within_room(above_limit, use, test))
         largest = np.zeros(len(self.attributions))
         np.maximum.at(largest, self.all.point[kept_coordinates], test[kept_coordinates])
@@ -111,12 +111,12 @@ class Rejections:
         usable = ~of_image
         usable[of_image] = result.image_adjusted[self.all.image[of_image]]
         native = self.all.split((self.all.native if move else active) & usable)
-        limits = tuple(self.options.limit * kind_tails for kind_tails in self.all.split(tails))
+        limits = tuple(self.options.w_limit * kind_tails for kind_tails in self.all.split(tails))
         explanation: AtPoints = explained(self.all.observed, native, state, points, suspected, limits)
         if not move:
             explanation = explanation.decided_by_block(_gains(explanation, result))
         rows = self.all.first[explanation.members.place] + explanation.members.row
-        largest, limit = np.zeros(len(points)), self.options.limit
+        largest, limit = np.zeros(len(points)), self.options.w_limit
         of_normal = np.where(active, np.nan_to_num(test * tails) - limit * (tails - 1.0), np.inf)
         np.maximum.at(largest, explanation.members.block, of_normal[rows])
         unclear = np.zeros(len(points), dtype=bool)

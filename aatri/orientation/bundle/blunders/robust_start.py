@@ -69,7 +69,7 @@ class RobustStart(FittedSigmas):
         state = result.adjusted.state
         # what least squares followed, so that nothing controlled it there, may be far off here: at least |v|
         test = np.fmax(*(self._robust_tests(result, covariances) for covariances in (least_squares, None)))
-        above_limit = active & (test > self.options.limit)
+        above_limit = active & (test > self.options.w_limit)
         self.block = from_result(self.block, result)
         without_point = above_limit & ~self.all.at_points
         points = np.unique(self.all.point[(above_limit | (self.all.native & ~active)) & self.all.at_points])
@@ -103,7 +103,7 @@ class RobustStart(FittedSigmas):
         ends = list[tuple[BundleInput, BundleResult]]()
         with contextlib.suppress(ConvergenceError, GeometryError):
             ends.append((start, self._robust(start, least_squares)))
-        if initial is None or (active & (initial.test > ASTRAY * self.options.limit)).any():
+        if initial is None or (active & (initial.test > ASTRAY * self.options.w_limit)).any():
             with contextlib.suppress(ConvergenceError, GeometryError):
                 ends.append((as_given, robust_from_start(as_given, self.adjust)))
         if not ends:
@@ -120,7 +120,7 @@ class RobustStart(FittedSigmas):
         Where they fail with everything, or something is very far off that may have led them astray, they begin at the
         robust result, without that.
         """
-        near = active & ~(self._robust_tests(result, None) > ASTRAY * self.options.limit)
+        near = active & ~(self._robust_tests(result, None) > ASTRAY * self.options.w_limit)
         if tested is not None and (near == active).all():
             return tested.result
         block = from_result(self.block, result)
@@ -141,7 +141,7 @@ class RobustStart(FittedSigmas):
 
     def _truncated_squares(self, result: BundleResult, scales: Float) -> float:
         """Sum of the squares of the residuals of all records over their scales, of each at most that of the limit."""
-        most = self.options.limit**2
+        most = self.options.w_limit**2
         squares = [(v**2).sum(axis=1) / scale**2 for v, scale in zip(_residuals(result), scales)]
         return sum(float(np.minimum(each, most).sum()) for each in squares)
 
@@ -181,7 +181,7 @@ class RobustStart(FittedSigmas):
 
     def _start_from(self, initial: TestedBlock, active: Bool) -> BundleInput:
         """The block from where least squares has moved it; points with something above the limit may have run away."""
-        above_limit = active & self.all.at_points & ~(initial.test <= self.options.limit)
+        above_limit = active & self.all.at_points & ~(initial.test <= self.options.w_limit)
         points = np.unique(self.all.point[above_limit])
         moved = from_result(self.block, initial.result)
         xyz = moved.xyz_m.copy()

@@ -122,13 +122,13 @@ class _Search(ExactCoordinates):
         """The adjusted block, and what was found; `wrong` are exact coordinates that contradict it."""
         tested, use, swapped = searched
         exchanged = self._rows_of(swapped)
-        above_limit = use & ((tested.largest_w if tested.low_redundancy else tested.test) > self.options.limit)
+        above_limit = use & ((tested.largest_w if tested.low_redundancy else tested.test) > self.options.w_limit)
         attribution = attributed_in_kind(tested, self.undecided & ~use, exchanged, self.all, self.adjust, above_limit)
         tested, use = attribution.tested, attribution.tested.active
         rejected = self.all.native & ~use
         undecided = rejected & (self.undecided | attribution.undecided | self._undecidable(tested.result, rejected))
         rejected_by_kind = self.all.split(rejected)
-        limit = self.options.limit
+        limit = self.options.w_limit
         renumbered = tuple(renumbered_rays(tested.result, self.block.rays, rejected_by_kind, limit, swapped))
         above_limit = use & ((tested.largest_w if tested.low_redundancy else tested.test) > limit)
         doubtful = above_limit & self.at_doubtful_points
@@ -191,7 +191,7 @@ class _Search(ExactCoordinates):
         base. All records of the point are held against each other, also those that are out.
         """
         rays = self.all.at_points & ~self.all.coordinates
-        contradicted = self.all.native & rays & ~active & (start.test > self.options.limit)
+        contradicted = self.all.native & rays & ~active & (start.test > self.options.w_limit)
         points = np.unique(self.all.point[contradicted])
         if not len(points):
             return start, active
@@ -207,7 +207,7 @@ class _Search(ExactCoordinates):
         """
         factor = self._smallest_factors(self.scaling.factor)
         readmitted = self.all.native & ~active & (factor > 1.0)
-        return readmitted if start is None else readmitted & ~(start.test > self.options.limit * factor)
+        return readmitted if start is None else readmitted & ~(start.test > self.options.w_limit * factor)
 
     def data_snooping(self, start: list[TestedBlock], active: Bool) -> SearchEnd:
         """Search; exchanged numbers are explained: where they took up the room of a kind, search on without them.
@@ -233,9 +233,9 @@ class _Search(ExactCoordinates):
             tested, use = searched.solved, searched.active
             del searched
             rejected = self.all.split(self.all.native & ~use)
-            swapped = tuple(swaps(tested.result, self.block.rays, rejected, self.options.limit))
+            swapped = tuple(swaps(tested.result, self.block.rays, rejected, self.options.w_limit))
             explained = self._rows_of(swapped) & self.pool.counted
-            above_limit = use & (tested.test > self.options.limit)
+            above_limit = use & (tested.test > self.options.w_limit)
             if explained.any() and above_limit.any():
                 self.pool = replace(self.pool, counted=self.pool.counted & ~explained)
                 start, active = [tested], use

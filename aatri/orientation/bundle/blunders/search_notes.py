@@ -73,7 +73,7 @@ def findings(block: BundleInput, records: AllRecords, outcome: SearchOutcome, op
             np.zeros_like(rejected) if outcome.of_datum is None else outcome.of_datum,
             "rejected by a robust adjustment and used: without them the datum is open; check them, or observe more",
         ),
-        (outcome.above_limit, f"beyond {options.limit:.3g} sigma and kept{reason}"),
+        (outcome.above_limit, f"beyond {options.w_limit:.3g} sigma and kept{reason}"),
     )
     for part, o in zip(records.parts, records.observed):
         for mask, text_of_category in categories:
@@ -82,7 +82,7 @@ def findings(block: BundleInput, records: AllRecords, outcome: SearchOutcome, op
                 notes.append(Note("warning", text, labels(o, mask[part])))
     if outcome.kept_ambiguous.any():
         count = len(np.unique(records.point[outcome.kept_ambiguous]))
-        text = f"at {several(count, 'point')} one of these is wrong, by little (beyond {options.limit:.3g} sigma), "
+        text = f"at {several(count, 'point')} one of these is wrong, by little (beyond {options.w_limit:.3g} sigma), "
         text += "and nothing tells which: all are used"
         names = [
             f"{o.kind} {name}"

@@ -49,7 +49,7 @@ class TestedBlock:
     @cached_property
     def test(self) -> Float:
         """|w| over the limit's unit: with little redundancy a gross error is one that also stands out of the others."""
-        adjusted, limit, unit = self.result.adjusted, self.options.limit, 1.0
+        adjusted, limit, unit = self.result.adjusted, self.options.w_limit, 1.0
         if self.options.tau:
             unit = adjusted.sigma0 * tau_limit(limit, adjusted.redundancy) / limit
         elif self.low_redundancy and adjusted.redundancy > 0:

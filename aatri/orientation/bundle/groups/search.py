@@ -96,7 +96,7 @@ def search_with_groups(
             with_earlier = replace(block, observed=observed)
             groups, least_squares = _groups_before_single_errors(with_earlier, adjust, candidates_of, options, carried)
             of_images = taken_back == POSE and len(groups) > len(carried)
-            if of_images or _agree(block, least_squares, options.limit, taken_back):
+            if of_images or _agree(block, least_squares, options.w_limit, taken_back):
                 block = with_earlier
                 break
         else:
@@ -111,7 +111,7 @@ def search_with_groups(
         if carried:
             done = replace(done, notes=(*done.notes, Note("warning", SETS_OUT)))
     while len(groups) < MOST_GROUPS + len(carried):
-        gain_root = largest_gain_root(done.result) if tests_in_use(done.result).max() > options.limit else 0.0
+        gain_root = largest_gain_root(done.result) if tests_in_use(done.result).max() > options.w_limit else 0.0
         candidates = significant_groups(block, done.result, candidates_of, gain_root, groups)
         if candidates:
             candidates = beyond_exact(block, done.result, adjust, groups, candidates)
@@ -190,11 +190,11 @@ def _groups_before_single_errors(
     groups, most = list(carried), MOST_GROUPS + len(carried)
     result = _squares(with_groups(block, groups) if groups else block, adjust, first=True)
     while result is not None and len(groups) < most:
-        if tests_in_use(result).max() <= options.limit:
+        if tests_in_use(result).max() <= options.w_limit:
             break
         candidates = significant_groups(block, result, candidates_of, largest_gain_root(result), groups)
         trials = [_adjusted_with(block, adjust, candidates_of, groups, g) for g in candidates]
-        fits = [(g, r) for g, r in trials if r is not None and _explains_most(g, r, result, options.limit)]
+        fits = [(g, r) for g, r in trials if r is not None and _explains_most(g, r, result, options.w_limit)]
         if not fits:
             break
         least_cost = min(r.adjusted.cost for _, r in fits)
@@ -254,7 +254,7 @@ def _without_group_unknowns(
     """The block adjusted without the unknowns of the groups."""
     without_unknowns = without_groups(block, groups, done.inputs)
     left_out = options.method != "none"
-    limit = options.limit * max(1.0, done.result.adjusted.sigma0)
+    limit = options.w_limit * max(1.0, done.result.adjusted.sigma0)
     removable = [g for g in groups if left_out and g.removable and _exceeds_limit(g, block, limit)]
     marks = [g for g in groups if left_out and g.per == MARK]
     for left_out_groups in (removable, []):
