@@ -1,8 +1,11 @@
 """Bodies tied by common points and by what is observed of the ground: what is adjusted, with its index and weights."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,10 +16,14 @@ from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.structure.weights import Weights, with_weights
 from aatri.adjustment.unknowns import Ids, State, Unknowns, add_step
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.observations.observed import Observed, Spread, full_whitener
 from aatri.observations.poses import POINT, POSE, pose_unknowns
 from aatri.observations.ties import BODY
+
+if TYPE_CHECKING:
+    from aatri.artifacts.suspects import Suspects
+
 
 MOST_NAMED = 3
 """Coordinates in a message."""
@@ -193,3 +200,31 @@ def in_three(parts: Sequence[Float]) -> Float:
         lacking = 0 if part.ndim == 1 else 3 - part.shape[-1]
         filled.append(np.pad(part, [(0, 0), *[(0, lacking)] * (part.ndim - 1)]) if lacking else part)
     return np.concatenate(filled)
+
+
+def named_by_suspects(suspects: Suspects, kind: str, image: Text, point: Text) -> Bool:
+    """Observations of a kind, (n,), that suspects which stay out name by the ids of image (or body) and point."""
+    out = suspects.take(np.flatnonzero((suspects.kind == kind) & suspects.staying_out))
+    names = set(zip(out.image.tolist(), out.point.tolist()))
+    return np.array([pair in names for pair in zip(image.tolist(), point.tolist())], dtype=bool)
+
+
+def not_rejected(observed: Sequence[Observed], before: Mapping[str, Suspects]) -> Bool:
+    """Which observations no earlier stage has rejected, (n,), kind by kind.
+
+    Parameters
+    ----------
+    before : mapping
+        Suspects of earlier stages, by kind. What has no row in the Block is known by its names.
+    """
+    parts = [~_rejected(o, before[o.kind]) if o.kind in before else np.ones(len(o), dtype=bool) for o in observed]
+    return np.concatenate([np.zeros(0, dtype=bool), *parts])
+
+
+def _rejected(o: Observed, before: Suspects) -> Bool:
+    if not len(before):
+        return np.zeros(len(o), dtype=bool)
+    out = (before.kind == o.kind) & before.staying_out
+    if not out.any() or (o.row >= 0).any():
+        return np.asarray(np.isin(o.row, before.row[out & (before.row >= 0)]))
+    return named_by_suspects(before, o.kind, *o.names(np.arange(len(o))))

@@ -127,3 +127,10 @@ def observed_control(
     records = Records(kind, ((POINT, rows.point),), evaluate, whitener, active, linear=own_axes.expanded is None)
     holds = Holds(POINT, rows.point, is_exact, own_axes.place_m) if is_exact.any() else None
     return (Observed(records, rows.row, named(point=names), "m", holds=holds, parts=PARTS, sees=rows.given),)
+
+
+def origin_of(control: Control, position_m: Float) -> Float:
+    """A round place near the block, (3,) m: coordinates are reduced to it before any arithmetic."""
+    observed_m = np.concatenate([np.where(control.given, control.xyz_m, np.nan), position_m])
+    sums, counts = np.nansum(observed_m, axis=0), np.isfinite(observed_m).sum(axis=0)
+    return np.asarray(np.round(sums / np.maximum(counts, 1)))

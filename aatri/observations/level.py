@@ -7,7 +7,7 @@ the height surface at the station, never to the Z axis of the frame. In a frame 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -105,10 +105,3 @@ def line_between(level: Level, start: Float, end: Float, start_height: Float, en
         line = line + (end_height - start_height)[:, None] * axes[:, 2]
     turned = np.einsum("nijk,nj->nik", d_axes, line) if level.curved else 0.0
     return np.einsum("nij,nj->ni", axes, line), axes @ by_start + turned, axes @ by_end
-
-
-def level_of(frame: TangentFrame | None, geodesy: TangentFrame | None, origin_m: Float) -> Level:
-    """What is up: along the normals in a tangent frame; Z in any other, over a curved earth where it is a map's."""
-    if frame is not None:
-        return tangent_level(frame, origin_m)
-    return PLANE if geodesy is None else replace(PLANE, curvature_per_m=1.0 / EARTH_RADIUS_M)

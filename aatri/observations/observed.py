@@ -22,8 +22,9 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.frames.tangent import TangentFrame
 from aatri.notes import Note
 from aatri.observations.image_point_rows import ImagePointRows
-from aatri.observations.level import PLANE, Level
+from aatri.observations.level import PLANE, Level, tangent_level
 from aatri.observations.parameters import ParameterRows
+from aatri.units import EARTH_RADIUS_M
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -259,3 +260,10 @@ def named(image: Text | None = None, point: Text | None = None) -> Names:
         return (empty if image is None else image[rows], empty if point is None else point[rows])
 
     return names
+
+
+def level_of(frame: TangentFrame | None, geodesy: TangentFrame | None, origin_m: Float) -> Level:
+    """What is up: along the normals in a tangent frame; Z in any other, over a curved earth where it is a map's."""
+    if frame is not None:
+        return tangent_level(frame, origin_m)
+    return PLANE if geodesy is None else replace(PLANE, curvature_per_m=1.0 / EARTH_RADIUS_M)

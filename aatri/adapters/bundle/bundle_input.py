@@ -20,8 +20,7 @@ from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.image_points import image_points as observed_image_points
 from aatri.observations.image_points import rays_of
 from aatri.observations.kinds.catalogue import KindOptions, observe
-from aatri.observations.level import level_of
-from aatri.observations.observed import ObservationSource, Observed
+from aatri.observations.observed import ObservationSource, Observed, level_of
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.rigs import poses_by_rigs

@@ -22,6 +22,7 @@ from aatri.adapters.strips.tied_tables import (
 )
 from aatri.adapters.uncontrolled_before import not_seen_since
 from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.adjusting.tied_problem import not_rejected
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.residuals import Residuals
@@ -36,11 +37,10 @@ from aatri.observations.control import control_of
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Spread
 from aatri.observations.ties import STRIP_TIE
-from aatri.orientation.bodies.absolute_datum import OrientedPart, StripsOfBlock, pooled
+from aatri.orientation.bodies.absolute_datum import OrientedPart, StripsOfBlock, free_images, pooled
 from aatri.orientation.bodies.absolute_orientation import OrientedStrips
 from aatri.orientation.bodies.components import strip_names
 from aatri.orientation.bodies.control_by_rays import ControlByRays
-from aatri.orientation.bodies.strips_as_bodies import free_images, not_rejected
 
 ROLE_NAME = "absolute_orientation"
 

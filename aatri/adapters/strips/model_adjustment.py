@@ -15,7 +15,7 @@ from aatri.adapters.strips import tied_tables as tables
 from aatri.adapters.strips.model_bodies import bodies_of
 from aatri.adapters.strips.strip_adjustment import rays_of_ties, resected_on
 from aatri.adjusting.tied_adjustment import TiedResult
-from aatri.adjusting.tied_problem import tied_problem
+from aatri.adjusting.tied_problem import not_rejected, tied_problem
 from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note
 from aatri.arrays import Float, Text
 from aatri.artifacts.block import Block
@@ -28,19 +28,18 @@ from aatri.geometry.similarity import Similarity, compose
 from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
-from aatri.observations.control import control_of, observed_control
+from aatri.observations.control import control_of, observed_control, origin_of
 from aatri.observations.poses import POINT
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.positions import positions_of
 from aatri.observations.ties import BODY, MODEL_TIE
 from aatri.options import Options
 from aatri.orientation.bodies.component_growth import BodyPoints
-from aatri.orientation.bodies.deformation import Misfit, farthest_bodies, rms_m, search_notes
+from aatri.orientation.bodies.deformation import Misfit, distance_m, farthest_bodies, rms_m, search_notes
 from aatri.orientation.bodies.independent_models import adjust_models
 from aatri.orientation.bodies.model_ties import LATENT, ModelPoses, ModelRows, model_ties
 from aatri.orientation.bodies.models_on_ground import models_on_ground
 from aatri.orientation.bodies.similarity_ties import similarities_of
-from aatri.orientation.bodies.strips_as_bodies import distance_m, not_rejected, origin_of
 
 
 class ModelAdjustmentOptions(Options):

@@ -18,7 +18,7 @@ from aatri.geometry.similarity import IDENTITY, Similarity
 from aatri.geometry.vectors import tangents
 from aatri.ids import several
 from aatri.notes import Note
-from aatri.observations.control import control_of, observed_control
+from aatri.observations.control import control_of, observed_control, origin_of
 from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.positions import PositionOptions, positions, positions_of
@@ -27,7 +27,6 @@ from aatri.orientation.bodies.datum_analysis import analyse_datum
 from aatri.orientation.bodies.double_models import Unit, double_units, merged
 from aatri.orientation.bodies.model_ties import LATENT, ModelPoses, ModelRows, latent_errors, model_ties
 from aatri.orientation.bodies.similarity_ties import Similarities
-from aatri.orientation.bodies.strips_as_bodies import origin_of
 from aatri.orientation.strips.model_errors import point_errors, root_of
 
 FEWEST = 3

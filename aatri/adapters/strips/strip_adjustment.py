@@ -10,6 +10,7 @@ from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips import strip_tables as tables
 from aatri.adapters.strips import tied_tables
 from aatri.adapters.strips.strip_tables import StripsOnGround, strip_notes
+from aatri.adjusting.tied_problem import not_rejected
 from aatri.adjustment.statistics.limits import SINGLE_LIMIT
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import Block
@@ -22,18 +23,27 @@ from aatri.geometry.similarity import Similarity, transform, transform_covarianc
 from aatri.geometry.strip_bases import StripAxes, StripBasis, strip_axes
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
-from aatri.observations.control import Control, control_of
+from aatri.observations.control import Control, control_of, origin_of
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.observations.positions import positions_of
 from aatri.observations.ties import STRIP_TIE
+from aatri.orientation.bodies.absolute_datum import strip_points_of
 from aatri.orientation.bodies.component_growth import BodyPoints
-from aatri.orientation.bodies.deformation import Misfit, farthest_bodies, given_note, rms_m, search_notes, sigma0_notes
+from aatri.orientation.bodies.deformation import (
+    Misfit,
+    distance_m,
+    farthest_bodies,
+    given_note,
+    most_models,
+    rms_m,
+    search_notes,
+    sigma0_notes,
+)
 from aatri.orientation.bodies.deformed_covariances import DeformedCovariances, covariance_notes, deformed_covariances
 from aatri.orientation.bodies.free_body import at_a_distance
 from aatri.orientation.bodies.strip_options import StripBlockOptions
 from aatri.orientation.bodies.strip_polynomials import StripPolynomials, adjust_strip_polynomials, fall_notes
-from aatri.orientation.bodies.strips_as_bodies import distance_m, most_models, not_rejected, origin_of, strip_points_of
 from aatri.orientation.resection.adjustment import resect_images
 
 

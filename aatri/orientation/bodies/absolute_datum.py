@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from aatri.adjusting.tied_adjustment import TiedResult
-from aatri.arrays import Bool, Int
+from aatri.adjusting.tied_problem import named_by_suspects, not_rejected
+from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
-from aatri.geometry.similarity import Similarity
+from aatri.geometry.similarity import Similarity, transform
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.control import control_of
@@ -22,15 +23,16 @@ from aatri.observations.image_points import rays_of
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
 from aatri.observations.positions import KIND as POSITION
+from aatri.observations.ties import STRIP_TIE
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
+from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.components import TIE_LIMIT, Component, FreeBlock
 from aatri.orientation.bodies.control_by_rays import ControlByRays, control_by_rays
-from aatri.orientation.bodies.deformation import expected_ratio, search_notes
+from aatri.orientation.bodies.deformation import distance_m, expected_ratio, search_notes
 from aatri.orientation.bodies.free_body import FreeBody
 from aatri.orientation.bodies.ground_observed import HARDLY, GroundObserved, oriented_by, with_level_images
 from aatri.orientation.bodies.neighbouring_bodies import beside_neighbours, oriented_together
 from aatri.orientation.bodies.one_left_out import oriented_by_the_others
-from aatri.orientation.bodies.strips_as_bodies import distance_m, free_images, not_rejected
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -228,3 +230,29 @@ def _body(block: Block, strips: Strips, component: Component) -> FreeBody:
     models = int(np.bincount(table.strip[np.isin(table.strip, component.strips)]).max(initial=1))
     turned = expected_ratio(models) * np.sqrt(typical) / distance_m(centres, component.xyz)
     return FreeBody(poses, xyz, covariance, np.tile(typical * np.eye(3), (n, 1, 1)), float(turned))
+
+
+def strip_points_of(strips: Strips) -> BodyPoints:
+    """Points of free strips."""
+    table = strips.strip_points
+    return BodyPoints(table.strip.astype(np.int64), table.point.astype(np.int64), table.xyz, table.covariance)
+
+
+def usable_ties(strips: Strips) -> Bool:
+    """Strip points that no earlier stage has rejected, (n,) bool."""
+    table = strips.strip_points
+    if not len(strips.suspects):
+        return np.ones(len(table), dtype=bool)
+    return ~named_by_suspects(strips.suspects, STRIP_TIE, strips.strips.id[table.strip], strips.points.id[table.point])
+
+
+def free_images(strips: Strips, component: Component) -> tuple[Float, Float, Int]:
+    """Projection centres and rotations of a component's images, in its frame; rows in images."""
+    table = strips.strip_images
+    rows = np.flatnonzero(np.isin(table.strip, component.strips))
+    centres, rotations = np.empty((len(rows), 3)), np.empty((len(rows), 3, 3))
+    for strip, pose in zip(component.strips, component.component_from_strip):
+        of_strip = table.strip[rows] == strip
+        centres[of_strip] = transform(pose, table.position[rows[of_strip]])
+        rotations[of_strip] = pose.rotation @ table.strip_from_image[rows[of_strip]]
+    return centres, rotations, table.image[rows].astype(np.int64)

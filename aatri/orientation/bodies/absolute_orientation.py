@@ -21,11 +21,12 @@ from aatri.orientation.bodies.absolute_datum import (
     part_notes,
     parts_together,
     pooled,
+    strip_points_of,
+    usable_ties,
 )
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
 from aatri.orientation.bodies.ground_fit import distant_start, fit_notes, height_notes, misfitting_strips
 from aatri.orientation.bodies.ground_observed import BEGUN_LEVEL
-from aatri.orientation.bodies.strips_as_bodies import strip_points_of, usable_ties
 from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
 
 MISFIT_SHARE = 4

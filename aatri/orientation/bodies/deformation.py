@@ -18,8 +18,11 @@ errors are left. Where strips agree better than the standard deviations of their
 stages before have told of their image points: here that is a note.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -37,6 +40,10 @@ from aatri.errors import ConvergenceError
 from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.ties import BODY
+
+if TYPE_CHECKING:
+    from aatri.artifacts.strips import Strips
+
 
 GROWTH = 0.05
 
@@ -229,3 +236,13 @@ def names_of(result: TiedResult, rows: Int) -> list[str]:
         image, point = o.names(np.array([row - result.problem.edges[k]]))
         texts.append(CALLED.get(o.kind, f"{o.kind} {{0}}{{1}}").format(image[0], point[0]))
     return texts
+
+
+def most_models(strips: Strips) -> int:
+    """Models of the longest strip."""
+    return int(np.bincount(strips.strip_images.strip).max(initial=1)) - 1
+
+
+def distance_m(position_m: Float, point_m: Float) -> float:
+    """From the middle of the projection centres to that of the points, m."""
+    return float(np.linalg.norm(np.nanmean(position_m, axis=0) - np.nanmean(point_m, axis=0)))

@@ -13,10 +13,17 @@ from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bodies.absolute import OrientedBody
-from aatri.orientation.bodies.absolute_datum import OrientedPart, pooled
-from aatri.orientation.bodies.deformation import FARTHEST_START, Misfit, names_of, rms_m, sigma0_notes
+from aatri.orientation.bodies.absolute_datum import OrientedPart, free_images, pooled
+from aatri.orientation.bodies.deformation import (
+    FARTHEST_START,
+    Misfit,
+    distance_m,
+    most_models,
+    names_of,
+    rms_m,
+    sigma0_notes,
+)
 from aatri.orientation.bodies.height_factor import height_factor
-from aatri.orientation.bodies.strips_as_bodies import distance_m, free_images, most_models
 from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
 
 if TYPE_CHECKING:

@@ -18,14 +18,13 @@ from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.control import KIND as CONTROL
-from aatri.observations.control import control_of
+from aatri.observations.control import control_of, origin_of
 from aatri.observations.exposure_time import EXPOSURE_TIME
 from aatri.observations.geodetic.distances import HORIZONTAL
 from aatri.observations.geodetic.distances import KIND as DISTANCE
 from aatri.observations.kinds import catalogue
 from aatri.observations.kinds.catalogue import KindOptions, observe
-from aatri.observations.level import level_of
-from aatri.observations.observed import ObservationSource, Observed
+from aatri.observations.observed import ObservationSource, Observed, level_of
 from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.positions import positions_of
@@ -35,7 +34,6 @@ from aatri.orientation.bodies.datum_analysis import OpenDatumError
 from aatri.orientation.bodies.datum_start import Observe
 from aatri.orientation.bodies.deformation import MISFIT_OF_RIGHT
 from aatri.orientation.bodies.free_body import LEVEL_RAD, FreeBody, concerning, levelled
-from aatri.orientation.bodies.strips_as_bodies import origin_of
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block

@@ -12,8 +12,8 @@ from aatri.adapters.strips.strip_adjustment import rays_of_ties
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import ConvergenceError, GeometryError, InputError
 from aatri.geometry.rotations import log_rotation
+from aatri.orientation.bodies.deformation import distance_m, most_models
 from aatri.orientation.bodies.strip_options import StripBlockOptions
-from aatri.orientation.bodies.strips_as_bodies import distance_m, most_models
 from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
 from aatri.stages.strip_adjustment.conformal import conformal
 from aatri.stages.strip_adjustment.polynomial import PolynomialOptions, polynomial
