@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from aatri.artifacts.solution import ParameterCovariances, Parameters
 from aatri.cli.run_ending import say_parameters
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.report.sections.calibration import parameter_summary
@@ -61,6 +63,20 @@ def test_strong_correlations_are_named(capsys: pytest.CaptureFixture[str]) -> No
     strong[2] = -1.94e-15  # of sigmas 2e-9 and 1e-6
     say_parameters(parameter_summary("bundle", replace(solution, parameter_covariances=replace(c, covariance=strong))))
     assert "cam: k1 and p1 correlate by -0.970" in capsys.readouterr().out
+
+
+def test_the_same_two_parameters_of_many_cameras_are_one_line() -> None:
+    n = 12
+    name, of = np.tile(["k1", "k2"], n), np.repeat([f"c{k}" for k in range(n)], 2)
+    parameters = Parameters(group=["camera"] * 2 * n, object=of, name=name, value=[0.1] * 2 * n, sigma=[1.0] * 2 * n)
+    first = np.arange(0, 2 * n, 2)
+    variances = np.arange(2 * n)
+    pairs = ParameterCovariances(
+        first=[*variances, *first], second=[*variances, *first + 1], covariance=[1.0] * 2 * n + [-0.97, *[-0.95] * 11]
+    )
+    solution = replace(full_solution(), parameters=parameters, parameter_covariances=pairs)
+    (line,) = parameter_summary("bundle", solution)["correlations"]
+    assert line == "c0: k1 and k2 correlate by -0.970, and in 11 further pairs by 0.9 or more"
 
 
 def test_of_a_solution_the_tables_that_are_shown_are_read_alone(tmp_path: Path) -> None:

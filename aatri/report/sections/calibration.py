@@ -58,15 +58,18 @@ def parameter_summary(stage: str, solution: Solution) -> dict[str, Any]:
 
 
 def _hardly_separated(solution: Solution) -> list[str]:
+    """The strongest correlation of every pair of names, and of how many cameras, sessions ... it is as strong."""
     first, second, r = correlations(solution, HARDLY_SEPARATED)
     names, owners = solution.parameters.name, solution.parameters.object
+    of_names: dict[tuple[str, str, bool], list[int]] = {}
+    for k, (i, j) in enumerate(zip(first.tolist(), second.tolist())):
+        of_names.setdefault((str(names[i]), str(names[j]), owners[i] == owners[j]), []).append(k)
     lines = [
-        f"{owners[i]}: {names[i]} and {names[j]}{_of_other(owners[i], owners[j])} correlate by {size:.3f}"
-        for i, j, size in zip(first[:MOST_ROWS], second[:MOST_ROWS], r.tolist())
+        f"{owners[first[k]]}: {a} and {b}{_of_other(owners[first[k]], owners[second[k]])} correlate by {r[k]:.3f}"
+        + (f", and in {several(len(more), 'further pair')} by {HARDLY_SEPARATED} or more" if more else "")
+        for (a, b, _), (k, *more) in of_names.items()
     ]
-    if len(r) > MOST_ROWS:
-        lines.append(f"{several(len(r) - MOST_ROWS, 'further correlation')} of {HARDLY_SEPARATED} and more")
-    return lines
+    return lines[:MOST_ROWS]
 
 
 def _of_other(owner: str, other: str) -> str:
