@@ -10,7 +10,6 @@ import numpy as np
 
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adapters.strips.oriented_strips import transformation_rows
 from aatri.adapters.strips.tied_tables import (
     components_of,
     not_tested,
@@ -191,4 +190,4 @@ def tp_rows(block: Block, strips: Strips, part: OrientedPart) -> StripTransforma
     frame = two_point_frame(level[place[ends]], xyz_m[ends][:, [1, 0, 2]])
     names = ("a", "b", "lambda", "N1_m", "E1_m", "H1_m", "X1", "Y1", "Z1")
     values = [frame.a, frame.b, frame.scale, *frame.north_east_height_m, *frame.xyz_tp]
-    return transformation_rows(TP, TP, names, values)
+    return StripTransformations.of(id=TP, model=TP, parameter=names, value=values)

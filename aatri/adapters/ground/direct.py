@@ -6,11 +6,12 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters.frame.adjustment_frame import InTangentFrame, frame_of, geodesy_of
-from aatri.arrays import Bool, Float, Int, finite_rows
+from aatri.adapters.strips.oriented_strips import Placed, solution_of
+from aatri.arrays import Bool, Float, finite_rows
 from aatri.artifacts.block import ANTENNA, OBSERVED_VALUE, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.residuals import Residuals
-from aatri.artifacts.solution import Iterations, Parameters, Solution, StripTransformations
+from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
 from aatri.frames.tangent import TangentFrame
@@ -119,42 +120,33 @@ def _intersected(block: Block, image_points: ImagePoints | None, poses: DirectPo
 def _solution(
     block: Block, image_points: ImagePoints | None, poses: DirectPoses, intersection: UncertainIntersection | None
 ) -> Solution:
-    n_points = len(block.points)
-    counts: Int = np.zeros(len(block.images), dtype=np.int64)
-    residuals = Residuals.empty()
-    xyz, covariance = np.full((n_points, 3), np.nan), None
-    rays: Int = np.zeros(n_points, dtype=np.int64)
-    observations = unknowns = 0
-    sigma0 = sigma0_um = float("nan")
+    residuals, counts, sigma0, sigma0_um = Residuals.empty(), (0, 0), float("nan"), float("nan")
+    xyz, covariance = np.full((len(block.points), 3), np.nan), None
     if intersection is not None and image_points is not None:
         m, used = image_points.measurements, intersection.used
-        counts = np.bincount(m.image[used], minlength=len(block.images))
-        xyz, covariance, rays = intersection.xyz_m, intersection.covariance_m2, intersection.rays
+        xyz, covariance = intersection.xyz_m, intersection.covariance_m2
         rows = np.flatnonzero(used)
         names = block.images.id[m.image[rows]], block.points.id[m.point[rows]]
         residuals = assemble.residuals(
             "image_point", rows, *names, intersection.residual_mm[rows], intersection.sigma_mm[rows]
         )
-        observations, unknowns = 2 * len(rows), 3 * int((rays > 0).sum())
-        if observations > unknowns:
-            sigma0 = float(np.sqrt((intersection.whitened[used] ** 2).sum() / (observations - unknowns)))
+        counts = 2 * len(rows), 3 * int((intersection.rays > 0).sum())
+        if (redundancy := counts[0] - counts[1]) > 0:
+            sigma0 = float(np.sqrt((intersection.whitened[used] ** 2).sum() / redundancy))
             sigma0_um = 1e3 * sigma0 * float(np.sqrt((intersection.sigma_mm[used] ** 2).mean()))
-    return Solution(
+    return solution_of(
+        block,
+        image_points,
+        Placed(poses.position_m, poses.ground_from_image, xyz),
         method=METHOD,
-        observations=observations,
-        unknowns=unknowns,
-        redundancy=observations - unknowns,
+        counts=counts,
         sigma0=sigma0,
         sigma0_um=sigma0_um,
         iterations=1,
-        images=assemble.oriented_images(block, poses.position_m, poses.ground_from_image, counts, poses.covariance),
-        points=assemble.ground_points(block, xyz, rays, covariance),
-        cameras=assemble.solved_cameras(block),
-        transformations=StripTransformations.empty(),
-        parameters=Parameters.empty(),
         residuals=residuals,
-        history=Iterations.empty(),
         suspects=Suspects.empty(),
+        point_covariance_m2=covariance,
+        image_covariance=poses.covariance,
     )
 
 

@@ -12,7 +12,7 @@ from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.residuals import Residuals, Tests
-from aatri.artifacts.solution import DatumCarriers, Parameters, Solution, VarianceComponents
+from aatri.artifacts.solution import DatumCarriers, Solution, VarianceComponents
 from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.ids import shown
 from aatri.notes import Note
@@ -74,7 +74,6 @@ def initial_solution(
         transformations=stacked(
             [pieces.similarity_rows(f"component {k}", part.similarity, origin) for k, part in enumerate(parts, 1)]
         ),
-        parameters=Parameters.empty(),
         residuals=stacked([Residuals.empty(), *(residuals_of(o.tied, o.state) for o in oriented)]),
         suspects=stacked(
             [

@@ -35,14 +35,9 @@ def similarity_rows(
         similarity.scale,
         *angles_from_rotation(similarity.rotation, "omega-phi-kappa"),
     ]
-    return transformation_rows(name, "similarity", SIMILARITY_PARAMETERS, values, sigma)
-
-
-def transformation_rows(
-    name: str, model: str, parameters: tuple[str, ...], values: npt.ArrayLike, sigma: npt.ArrayLike = np.nan
-) -> StripTransformations:
-    """Parameters of one strip's transformation."""
-    return StripTransformations.of(id=name, model=model, parameter=parameters, value=values, sigma=sigma)
+    return StripTransformations.of(
+        id=name, model="similarity", parameter=SIMILARITY_PARAMETERS, value=values, sigma=sigma
+    )
 
 
 def precision_row(name: str, tau_m: float) -> Parameters:
@@ -71,22 +66,25 @@ def solution_of(
     counts: tuple[int, int],
     sigma0: float,
     iterations: int,
-    transformations: StripTransformations,
-    parameters: Parameters,
     residuals: Residuals,
     suspects: Suspects,
+    transformations: StripTransformations | None = None,
+    parameters: Parameters | None = None,
     point_covariance_m2: Float | None = None,
+    image_covariance: Float | None = None,
+    sigma0_um: float = float("nan"),
     uncontrolled: Uncontrolled | None = None,
     tests: Tests | None = None,
     components: VarianceComponents | None = None,
 ) -> Solution:
-    """A Solution without covariances of its orientations.
+    """A Solution of images and points on the ground; the cameras are as given.
 
     Parameters
     ----------
     counts : (int, int)
         Observations and unknowns.
     point_covariance_m2 : (n_points, 3, 3) float64, m^2, optional
+    image_covariance : (n_images, 6, 6) float64, m and rad, optional
     uncontrolled : Uncontrolled, optional
     tests : Tests, optional
         Of the observations in the order of the residuals.
@@ -107,13 +105,13 @@ def solution_of(
         unknowns=counts[1],
         redundancy=counts[0] - counts[1],
         sigma0=sigma0,
-        sigma0_um=float("nan"),
+        sigma0_um=sigma0_um,
         iterations=iterations,
-        images=assemble.oriented_images(block, placed.position_m, placed.ground_from_image, rays[0]),
+        images=assemble.oriented_images(block, placed.position_m, placed.ground_from_image, rays[0], image_covariance),
         points=assemble.ground_points(block, placed.point_m, rays[1], point_covariance_m2),
         cameras=assemble.solved_cameras(block),
-        transformations=transformations,
-        parameters=parameters,
+        transformations=StripTransformations.empty() if transformations is None else transformations,
+        parameters=Parameters.empty() if parameters is None else parameters,
         residuals=residuals,
         history=Iterations.empty(),
         suspects=suspects,

@@ -22,6 +22,8 @@ from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.polynomial_ties import in_axes
 from aatri.orientation.bodies.strip_polynomials import StripPolynomials, textbook_counts
 
+AXES = ("origin_X_m", "origin_Y_m", "origin_Z_m", "half_range_U_m", "half_range_V_m", "azimuth_of_U_rad")
+
 BEYOND = 2**0.5 - 1
 """Share of the half range of a strip by which points may lie beyond its control and ties: there a polynomial of the
 second degree, 2 u^2 - 1 in the worst case, has three times the error that it has within."""
@@ -52,23 +54,22 @@ def transformation_tables(
         name, axes = str(strips.strips.id[strip]), ground.axes[k]
         tables.append(pieces.similarity_rows(name, ground.similarity[k], ground.origin))
         plan, height = (int(degree) for degree in result.degree[k])
+        origin_m, size_m = axes.origin_m + ground.origin, axes.half_range_m
+        azimuth = np.arctan2(axes.ground_from_axes[0, 0], axes.ground_from_axes[1, 0])
         tables.append(
-            pieces.transformation_rows(
-                name,
-                result.basis.model(max(plan, height)),
-                ("origin_X_m", "origin_Y_m", "origin_Z_m", "half_range_U_m", "half_range_V_m", "azimuth_of_U_rad"),
-                [
-                    *(axes.origin_m + ground.origin),
-                    *axes.half_range_m,
-                    np.arctan2(axes.ground_from_axes[0, 0], axes.ground_from_axes[1, 0]),
-                ],
+            StripTransformations.of(
+                id=name,
+                model=result.basis.model(max(plan, height)),
+                parameter=AXES,
+                value=[*origin_m, *size_m, azimuth],
             )
         )
         for part, degree in enumerate((plan, height)):
             of_part = np.flatnonzero((result.basis.part == part) & (result.basis.degree <= degree))
             names = tuple(result.basis.labels[c] for c in of_part)
             values, sigma = result.coefficients_m[k, of_part], sigma_m[k, of_part]
-            tables.append(pieces.transformation_rows(name, result.basis.model(degree), names, values, sigma))
+            model = result.basis.model(degree)
+            tables.append(StripTransformations.of(id=name, model=model, parameter=names, value=values, sigma=sigma))
     return tables
 
 
