@@ -17,14 +17,16 @@ from scipy.stats import chi2
 
 from aatri.adapters.frame.adjustment_frame import frame_of, points_into, solution_into
 from aatri.adapters.interior.photo_coordinates import half_format_of
+from aatri.adjusting.uncertain_intersection import intersect_uncertain
 from aatri.adjustment.statistics.limits import ALARM
 from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.geometry.collinearity import collinearity, in_image_axes, project
-from aatri.geometry.uncertain_intersection import intersect_uncertain
 from aatri.measuring.measured_rays import SETTLED_MM, STEPS, MeasuredRays
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.poses import Poses
 
 MARGIN = 1.2
 """Points are looked for in an image up to this multiple of its format."""
@@ -203,18 +205,9 @@ class RunOrientation:
         ray = np.tile(np.arange(n), n + 1)
         used = pair != ray + 1
         Q = np.where(np.isfinite(self.covariance), self.covariance, 0.0)
-        met = intersect_uncertain(
-            ideal[ray],
-            sigma_mm[ray],
-            self.c_mm[image[ray]],
-            image[ray],
-            pair,
-            used,
-            self.position_m,
-            self.ground_from_image,
-            Q,
-            n + 1,
-        )
+        c_mm, at_centre = self.c_mm[image[ray]], np.zeros((len(ray), 2))
+        rays = ImagePointRows(image[ray], pair, ideal[ray], sigma_mm[ray], c_mm, at_centre, used)
+        met = intersect_uncertain(rays, Poses(self.position_m, self.ground_from_image), Q, n + 1)
         met_at = finite_rows(met.xyz_m)
         points = [GroundEstimate(met.xyz_m[k], met.covariance_m2[k]) if met_at[k] else None for k in range(n + 1)]
         passing = met.whitened[:n]

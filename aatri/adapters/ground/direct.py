@@ -1,12 +1,11 @@
 """Direct georeferencing of a block: orientations from positions and attitudes, points by intersection."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters.frame.adjustment_frame import InTangentFrame, frame_of, geodesy_of
 from aatri.adapters.strips.oriented_strips import Placed, solution_of
+from aatri.adjusting.uncertain_intersection import intersect_uncertain
 from aatri.arrays import Bool, Float, finite_rows
 from aatri.artifacts.block import ANTENNA, OBSERVED_VALUE, Block
 from aatri.artifacts.image_points import ImagePoints
@@ -16,7 +15,6 @@ from aatri.artifacts.suspects import Suspects
 from aatri.errors import GeometryError
 from aatri.frames.tangent import TangentFrame
 from aatri.geometry.rotations import exp_rotation, skew
-from aatri.geometry.uncertain_intersection import UncertainIntersection, intersect_uncertain
 from aatri.notes import Note
 from aatri.observations.attitudes import attitudes_of
 from aatri.observations.image_points import rays_of
@@ -24,15 +22,6 @@ from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import POSE, Poses
 
 METHOD = "absolute_orientation/direct"
-
-
-@dataclass(frozen=True)
-class DirectPoses:
-    """Orientations in the frame of the adjustment, with covariances; NaN where not given."""
-
-    position_m: Float
-    ground_from_image: Float
-    covariance: Float
 
 
 def direct_solution(block: Block, image_points: ImagePoints | None) -> tuple[Solution, tuple[Note, ...]]:
@@ -44,7 +33,7 @@ def direct_solution(block: Block, image_points: ImagePoints | None) -> tuple[Sol
         If no image has both an observed position and observed attitudes.
     """
     frame = frame_of(block)
-    poses = _poses(block, frame)
+    poses, covariance = _poses(block, frame)
     oriented = finite_rows(poses.position_m)
     if not oriented.any():
         raise GeometryError(
@@ -52,13 +41,15 @@ def direct_solution(block: Block, image_points: ImagePoints | None) -> tuple[Sol
             where=f"block {block.name}",
             remedy="give X, Y, Z, a1, a2, a3 and their standard deviations in exterior.csv, use: observed",
         )
-    points = _intersected(block, image_points, poses)
-    solution = _solution(block, image_points, poses, points)
+    solution = _solution(block, image_points, poses, covariance)
     return InTangentFrame(block, None, frame).back(solution), _notes(block, oriented)
 
 
-def _poses(block: Block, frame: TangentFrame | None) -> DirectPoses:
-    """X0 = X_antenna - R a and R = R_obs exp([b]x), with d = turns of the angles and of the boresight."""
+def _poses(block: Block, frame: TangentFrame | None) -> tuple[Poses, Float]:
+    """Orientations in the frame of the adjustment, with covariances (n, 6, 6); NaN where not given.
+
+    X0 = X_antenna - R a and R = R_obs exp([b]x), with d = turns of the angles and of the boresight.
+    """
     n, e = len(block.images), block.exterior
     position, rotation, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), np.full((n, 6, 6), np.nan)
     source = ObservationSource(
@@ -86,7 +77,7 @@ def _poses(block: Block, frame: TangentFrame | None) -> DirectPoses:
     position[image], rotation[image] = antenna - away, R
     cross = K @ C_turn
     covariance[image] = np.block([[C_antenna + cross @ K.swapaxes(1, 2), cross], [cross.swapaxes(1, 2), C_turn]])
-    return DirectPoses(position, rotation, covariance)
+    return Poses(position, rotation), covariance
 
 
 def boresight_sigma(block: Block) -> Float:
@@ -99,32 +90,13 @@ def boresight_sigma(block: Block) -> Float:
     return sigma
 
 
-def _intersected(block: Block, image_points: ImagePoints | None, poses: DirectPoses) -> UncertainIntersection | None:
-    if image_points is None:
-        return None
-    rays, n = rays_of(block, image_points), len(block.points)
-    return intersect_uncertain(
-        rays.xy_mm,
-        rays.sigma_mm,
-        rays.c_mm,
-        rays.image,
-        rays.point,
-        rays.active,
-        poses.position_m,
-        poses.ground_from_image,
-        poses.covariance,
-        n,
-    )
-
-
-def _solution(
-    block: Block, image_points: ImagePoints | None, poses: DirectPoses, intersection: UncertainIntersection | None
-) -> Solution:
+def _solution(block: Block, image_points: ImagePoints | None, poses: Poses, covariance: Float) -> Solution:
     residuals, counts, sigma0, sigma0_um = Residuals.empty(), (0, 0), float("nan"), float("nan")
-    xyz, covariance = np.full((len(block.points), 3), np.nan), None
-    if intersection is not None and image_points is not None:
+    xyz, covariance_m2 = np.full((len(block.points), 3), np.nan), None
+    if image_points is not None:
+        intersection = intersect_uncertain(rays_of(block, image_points), poses, covariance, len(block.points))
         m, used = image_points.measurements, intersection.used
-        xyz, covariance = intersection.xyz_m, intersection.covariance_m2
+        xyz, covariance_m2 = intersection.xyz_m, intersection.covariance_m2
         rows = np.flatnonzero(used)
         names = block.images.id[m.image[rows]], block.points.id[m.point[rows]]
         residuals = assemble.residuals(
@@ -145,8 +117,8 @@ def _solution(
         iterations=1,
         residuals=residuals,
         suspects=Suspects.empty(),
-        point_covariance_m2=covariance,
-        image_covariance=poses.covariance,
+        point_covariance_m2=covariance_m2,
+        image_covariance=covariance,
     )
 
 

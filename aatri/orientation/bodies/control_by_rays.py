@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aatri.adjusting.uncertain_intersection import UNCERTAIN, UncertainIntersection, intersect_uncertain
 from aatri.arrays import Float, Int, finite_rows
-from aatri.geometry.uncertain_intersection import UNCERTAIN, UncertainIntersection, intersect_uncertain
 from aatri.observations.image_point_rows import ImagePointRows, residuals_mm
 from aatri.observations.poses import POSE
 from aatri.orientation.bodies.components import Component
@@ -94,18 +94,10 @@ def _intersected(body: FreeBody, rays: ImagePointRows, rows: Int) -> UncertainIn
     n = len(body.poses.position_m)
     covariance = np.zeros((n, 6, 6))
     covariance[:, :3, :3], covariance[:, 3:, 3:] = body.centre_covariance, body.turn_rad**2 * np.eye(3)
-    return intersect_uncertain(
-        rays.xy_mm[rows],
-        rays.sigma_mm[rows],
-        rays.c_mm[rows],
-        rays.image[rows],
-        np.zeros(len(rows), dtype=np.int64),
-        np.ones(len(rows), dtype=bool),
-        body.poses.position_m,
-        body.poses.ground_from_image,
-        covariance,
-        1,
+    of_point = replace(
+        rays.take(rows), point=np.zeros(len(rows), dtype=np.int64), active=np.ones(len(rows), dtype=bool)
     )
+    return intersect_uncertain(of_point, body.poses, covariance, 1)
 
 
 def _misfit(met: UncertainIntersection) -> float:

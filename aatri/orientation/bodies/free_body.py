@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 
 from aatri.adjusting.added_variance import observed_components
+from aatri.adjusting.uncertain_intersection import UNCERTAIN
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text, finite_rows
 from aatri.geometry.rotations import exp_rotation, left_jacobian, log_rotation, skew
 from aatri.geometry.similarity import Similarity, compose, motions_about, transform, transform_covariance
-from aatri.geometry.uncertain_intersection import UNCERTAIN
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.ties import BODY, COMPONENT_CENTRE, COMPONENT_POINT, COMPONENT_ROTATION, HELD

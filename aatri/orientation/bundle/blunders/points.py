@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from aatri.adjusting.uncertain_intersection import UNCERTAIN
 from aatri.adjustment.records import predicted
 from aatri.adjustment.statistics.attribution import BlockRecords, Explanation, explain
 from aatri.adjustment.statistics.leave_one_out import as_good
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, finite_rows
-from aatri.geometry.uncertain_intersection import UNCERTAIN
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, Poses

@@ -16,6 +16,8 @@ import numpy as np
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.geometry.collinearity import collinearity
 from aatri.geometry.intersection import intersect_rays
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.poses import Poses
 
 UNCERTAIN = 0.1
 """Share of its distance by which a point of nearly parallel rays is uncertain: its rays tell nothing of each other."""
@@ -47,44 +49,29 @@ class UncertainIntersection:
     """(m,)."""
 
 
-def intersect_uncertain(
-    xy_mm: Float,
-    sigma_mm: Float,
-    c_mm: Float,
-    image: Int,
-    point: Int,
-    active: Bool,
-    position_m: Float,
-    ground_from_image: Float,
-    covariance: Float,
-    n_points: int,
-) -> UncertainIntersection:
+def intersect_uncertain(rays: ImagePointRows, poses: Poses, covariance: Float, n_points: int) -> UncertainIntersection:
     """Intersect points from poses with covariances.
 
     Parameters
     ----------
-    xy_mm, sigma_mm : (m, 2) float64, mm, from the principal point
-    c_mm : (m,) float64, mm
-    image, point : (m,) int
-    active : (m,) bool
-    position_m, ground_from_image : (n_images, 3), (n_images, 3, 3) float64
+    poses : Poses
         NaN where not oriented.
     covariance : (n_images, 6, 6) float64, m and rad
         Of X0 and the rotation d, R <- exp([d]x) R.
     """
-    oriented = finite_rows(position_m) & finite_rows(ground_from_image) & np.isfinite(covariance).all(axis=(1, 2))
-    use = np.flatnonzero(active & oriented[image] & finite_rows(xy_mm))
+    image, point, X0, R = rays.image, rays.point, poses.position_m, poses.ground_from_image
+    oriented = finite_rows(X0) & finite_rows(R) & np.isfinite(covariance).all(axis=(1, 2))
+    use = np.flatnonzero(rays.active & oriented[image] & finite_rows(rays.xy_mm))
     use = use[np.bincount(point[use], minlength=n_points)[point[use]] >= 2]
-    direction = np.einsum("nij,nj->ni", ground_from_image[image[use]], np.column_stack([xy_mm[use], -c_mm[use]]))
-    xyz = intersect_rays(position_m[image[use]], direction, point[use], n_points)
+    xyz = intersect_rays(X0[image[use]], rays.directions(poses, use), point[use], n_points)
     use = use[finite_rows(xyz[point[use]])]
 
     def linearised(rows: Int) -> tuple[Float, Float, Float]:
         """v, J and the weights C_v^-1 of some rays."""
         i = image[rows]
-        computed, A, J = collinearity(position_m[i], ground_from_image[i], xyz[point[rows]], c_mm[rows])
-        C = A @ covariance[i] @ A.swapaxes(1, 2) + (sigma_mm[rows] ** 2)[:, :, None] * np.eye(2)
-        return computed - xy_mm[rows], J, np.asarray(np.linalg.inv(C), dtype=np.float64)
+        computed, A, J = collinearity(X0[i], R[i], xyz[point[rows]], rays.c_mm[rows])
+        C = A @ covariance[i] @ A.swapaxes(1, 2) + (rays.sigma_mm[rows] ** 2)[:, :, None] * np.eye(2)
+        return computed - rays.xy_mm[rows], J, np.asarray(np.linalg.inv(C), dtype=np.float64)
 
     N = np.zeros((n_points, 3, 3))
     for _ in range(MOST_ITERATIONS):
@@ -104,9 +91,9 @@ def intersect_uncertain(
     covariance_m2[intersected] = np.linalg.inv(N[intersected])
     use = use[intersected[point[use]]]
     v, _, W = linearised(use)
-    whitened, residual, sigma = (np.full((len(xy_mm), 2), np.nan) for _ in range(3))
+    whitened, residual, sigma = (np.full((len(image), 2), np.nan) for _ in range(3))
     residual[use], whitened[use] = v, np.einsum("nji,nj->ni", np.linalg.cholesky(W), v)
     sigma[use] = np.sqrt(np.einsum("nii->ni", np.linalg.inv(W)))
-    used = np.isin(np.arange(len(xy_mm)), use)
-    rays = np.bincount(point[use], minlength=n_points)
-    return UncertainIntersection(xyz, covariance_m2, rays, whitened, residual, sigma, used)
+    used = np.isin(np.arange(len(image)), use)
+    count = np.bincount(point[use], minlength=n_points)
+    return UncertainIntersection(xyz, covariance_m2, count, whitened, residual, sigma, used)
