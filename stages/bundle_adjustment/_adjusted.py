@@ -51,7 +51,7 @@ from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.plugin import Context
 
-from ._adjusting import adjusted, adjusted_block, with_one_file
+from ._adjusting import adjusted, adjusted_block, with_one_factor
 from ._self_calibration import ChosenSet, chosen_set, parameters_of
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def adjusted_bundle(
         inputs, share = inputs_with(suspects, doubted)
     left_out, _ = inherited(initial, taken_back=not searched, groups_back=False)
     staying_out = left_out.verdict != suspects.verdict
-    adjust = with_one_file(partial(adjusted, options=options, context=context))
+    adjust = with_one_factor(partial(adjusted, options=options, context=context))
     try:
         done, groups, components = adjusted_block(source, inputs, options, adjust)
         fits = done.result.adjusted.sigma0 * done.scale <= MAX_SIGMA0

@@ -126,10 +126,10 @@ def _searched(
     return done, groups
 
 
-def with_one_file(adjust: Callable[..., BundleResult]) -> Callable[..., BundleResult]:
-    """Adjustments of which the last alone keeps its factor in a file: before the next one that is closed.
+def with_one_factor(adjust: Callable[..., BundleResult]) -> Callable[..., BundleResult]:
+    """Adjustments of which the last alone keeps its factor: before the next one that is given back.
 
-    Whoever asks a result for a factor that was closed has it made again (`factor_of`).
+    Whoever asks a result for a factor that was given back has it made again (`factor_of`).
     """
     close: list[Callable[[], None]] = []
 
@@ -137,7 +137,7 @@ def with_one_file(adjust: Callable[..., BundleResult]) -> Callable[..., BundleRe
         while close:
             close.pop()()
         result = adjust(block, adjusting)
-        if result.adjusted.factored is not None and result.adjusted.problem.spill:
+        if result.adjusted.factored is not None:
             close.append(result.adjusted.factored.factor.clear)
         return result
 
@@ -192,7 +192,7 @@ def _settings(options: BundleOptions, adjusting: AdjustOptions, context: Context
         options.datum_over,
         covariances,
         keep_factor=keep_factor,
-        keep_factor_on_disk=adjusting.to_end_if_near,  # which may be the result, whose score tests need it
+        keep_cheap_factor=adjusting.to_end_if_near,  # which may be the result, whose score tests need it
         huber=adjusting.huber,
         weights=adjusting.weights,
         solution=solution,

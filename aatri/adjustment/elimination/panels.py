@@ -80,16 +80,19 @@ class Panels(Protocol):
 
     @property
     def closed(self) -> bool:
-        """Whether a file has been given back."""
+        """Whether the room has been given back."""
 
 
 class PanelsInMemory:
     """Panels as arrays."""
 
-    closed = False
-
     def __init__(self, count: int) -> None:
         self._panels = [_NO_PANEL] * count
+
+    @property
+    def closed(self) -> bool:
+        """Whether all of them have been given back."""
+        return not self._panels
 
     def __getitem__(self, k: int) -> Float:
         return self._panels[k]

@@ -37,6 +37,9 @@ from aatri.together import MEMORY_OF_WORKER
 SHARE = 0.8
 """Share of the machine's memory, and of the free disk, that may be used."""
 
+CHEAP = 0.1
+"""Share of the limit that a factor may take while the tests of groups, a third of whose memory it is, use it."""
+
 BLOCK_BYTES = 350
 """Of an eliminated block: factor, right-hand side, own normal matrix, and its values before and after a step."""
 
@@ -121,6 +124,11 @@ def fits_in_memory(problem: IndexedProblem) -> bool:
     """Whether an iteration with its factor has room beside what the process takes already."""
     expected = forecast(problem)
     return expected.memory_bytes() + _beside(expected) <= memory_limit(problem.settings.memory_gb)
+
+
+def is_cheap(problem: IndexedProblem) -> bool:
+    """Whether a factor may be kept for what comes after the adjustment: it is in a file, or small beside the limit."""
+    return problem.spill or problem.tree.factor_bytes <= CHEAP * memory_limit(problem.settings.memory_gb)
 
 
 def _beside(expected: Forecast) -> float:

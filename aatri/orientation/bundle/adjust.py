@@ -17,7 +17,7 @@ import numpy as np
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.score import with_factor
-from aatri.adjustment.iterative.forecast import forecast
+from aatri.adjustment.iterative.forecast import forecast, is_cheap
 from aatri.adjustment.loss import Huber
 from aatri.adjustment.openness.reach import scaled, within_reach
 from aatri.adjustment.parts.adjust import AdjustedInParts, adjust
@@ -112,8 +112,8 @@ def adjust_bundle(
         text = _WITHOUT_FACTOR.format(needed.memory_bytes(spill=True) / 1e9, needed.factor_bytes / 1e9)
         notes.append(Note("warning", text))
         covariances = False
-    on_disk = settings.keep_factor_on_disk and adjusted.problem.spill
-    if covariances and not in_parts and (settings.keep_factor or on_disk):
+    keep = settings.keep_factor or (settings.keep_cheap_factor and is_cheap(adjusted.problem))
+    if covariances and not in_parts and keep:
         adjusted = with_factor(adjusted)
     return _result(inputs, adjusted, part, covariances, free, tuple(notes))
 

@@ -24,8 +24,8 @@ class BundleSettings:
     """There are none where observations are down-weighted."""
     keep_factor: bool = False
     """Of the covariances, for score tests after the adjustment."""
-    keep_factor_on_disk: bool = False
-    """Of the covariances where it is in a file, and takes no memory: the next adjustment of a search closes it."""
+    keep_cheap_factor: bool = False
+    """Of the covariances where it takes little memory (`is_cheap`): the next adjustment of a search gives it back."""
     huber: float | None = None
     """Bound of Huber's loss of all kinds but priors, in standard deviations; what is exact has none. See
     `aatri.adjustment.loss`."""
