@@ -5,11 +5,11 @@ coordinates (`geometry.plane_transformations`): an error that all points of an i
 them as unknowns, relative orientation counts them.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from aatri.arrays import Bool, Float, Int, Text
+from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints, Interior
 from aatri.errors import InputError
@@ -22,22 +22,11 @@ from aatri.observations.poses import FILM, POINT, POSE
 from aatri.observations.rolling_shutter import ROLLING, VELOCITY, by_velocity, flown_velocities
 
 
-@dataclass(frozen=True)
-class FilmErrors:
-    """Common errors of the film of every image."""
+def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | None:
+    """The film corrections d that the fiducials leave open, weighted by their interior orientation, mm and 1.
 
-    labels: tuple[str, ...]
-    """Of the numbers d."""
-    basis: Float
-    """(n, 2, s). K of every measurement."""
-    covariance: Float
-    """(n_images, s, s), mm and 1. Of d; zero where an image has no open film."""
-    open: Bool
-    """(n_images, s)."""
-
-
-def film_errors(block: Block, image_points: ImagePoints) -> FilmErrors | None:
-    """Of all images; None where no image has measured fiducials: pixels are where they are.
+    None where no image has measured fiducials: pixels are where they are. The covariance is zero where an image has no
+    open film.
 
     Parameters
     ----------
@@ -56,7 +45,9 @@ def film_errors(block: Block, image_points: ImagePoints) -> FilmErrors | None:
     model[interior.image], linear[interior.image] = interior.model, _linear_part(block, interior)
     basis = film_correction(rays_of(block, image_points), FILM, model, linear, size).basis
     labels = tuple(f"film correction d{k}" for k in range(size))
-    return FilmErrors(labels, basis, covariance[:, :size, :size], open_[:, :size])
+    open_, covariance, zero = open_[:, :size], covariance[:, :size, :size], np.zeros((n, size))
+    of_ray, weighted = image_points.measurements.image, (zero, covariance, open_)
+    return ParameterRows(FILM, block.images.id, labels, zero, open_, *weighted, of_ray, basis, per_image=True)
 
 
 def _linear_part(block: Block, interior: Interior) -> Float:
@@ -64,27 +55,6 @@ def _linear_part(block: Block, interior: Interior) -> Float:
     size = block.cameras.pixel_size_mm[block.images.camera[interior.image]]
     pixel = (block.cameras.image_coordinates == "pixel")[block.images.camera[interior.image]]
     return np.asarray(interior.matrix[:, :, :2] / np.where(pixel[:, None], size, 1.0)[:, None, :])
-
-
-def film_parameters(block: Block, image_points: ImagePoints) -> ParameterRows | None:
-    """The film corrections that the fiducials leave open, weighted by their interior orientation; None without any."""
-    film = film_errors(block, image_points)
-    if film is None:
-        return None
-    zero, image = np.zeros(film.open.shape), image_points.measurements.image
-    return ParameterRows(
-        FILM,
-        block.images.id,
-        film.labels,
-        zero,
-        film.open,
-        zero,
-        film.covariance,
-        film.open,
-        image,
-        film.basis,
-        per_image=True,
-    )
 
 
 def with_row_times(

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.adapters.cameras.image_parameters import film_errors
+from aatri.adapters.cameras.image_parameters import film_parameters
 from aatri.adapters.pairs.image_pairs import joining_pairs, pair_names
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.uncontrolled_before import in_no_model, seen_by_one
@@ -33,8 +33,8 @@ def models_of(block: Block, image_points: ImagePoints, pairs: ImagePairs, orient
     model_of = np.full(len(pairs.left), -1, dtype=np.int32)
     model_of[formed] = np.arange(len(formed))
     model = np.repeat(model_of, np.diff(pairs.start))
-    covariance, film = orientations.covariance, film_errors(block, image_points)
-    if film is not None:
+    covariance, film = orientations.covariance, film_parameters(block, image_points)
+    if film is not None and film.basis is not None:
         covariance = covariance + film_in_orientations(pairs, orientations, film.basis, film.covariance)
     points, parallax = _model_points(pairs, model, orientations)
     models = Models(
