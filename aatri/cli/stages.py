@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -131,7 +132,8 @@ def _say_variant(described: dict[str, Any]) -> None:
     ports = [f"{name}: {p['kind']}{' (optional)' if p['optional'] else ''}" for name, p in described["ports"].items()]
     say(f"ports    {', '.join(ports) or 'none'}")
     uses = described["uses"]
-    say(f"uses     {'not stated' if uses is None else ', '.join(uses) or 'nothing of what its ports offer'}")
+    text = "not stated" if uses is None else _by_table(uses) or "nothing of what its ports offer"
+    say(f"uses     {text}")
     say(f"returns  {described['kind']}")
     say()
     rows = _option_rows(described["options"], described["options"].get("$defs", {}), "", [])
@@ -139,6 +141,16 @@ def _say_variant(described: dict[str, Any]) -> None:
         say_table(("option", "default", "allowed", "description"), rows)
     else:
         say("no options")
+
+
+def _by_table(uses: Iterable[str]) -> str:
+    """What is used, a line a table; of parameters of cameras the models, whose names `--json` lists."""
+    of_table: dict[str, dict[str, None]] = {}
+    for name in uses:
+        table, _, part = re.sub(r"^(\w+)[.:]", r"\1 ", name).partition(" ")
+        of_table.setdefault(table, {})[part.partition(".")[0] if table == "camera_parameters" else part] = None
+    lines = [f"{table}: {', '.join(parts)}" if any(parts) else table for table, parts in of_table.items()]
+    return "\n         ".join(lines)
 
 
 def _option_rows(schema: dict[str, Any], defs: dict[str, Any], prefix: str, rows: list[list[str]]) -> list[list[str]]:

@@ -144,6 +144,6 @@ def test_ignore_must_be_a_list_of_names() -> None:
 
 
 def test_the_card_of_a_stage_says_what_it_uses() -> None:
-    assert "uses     list.observed" in aatri("stages", "sum/careful").stdout
+    assert "uses     list: observed" in aatri("stages", "sum/careful").stdout
     assert "uses     not stated" in aatri("stages", "sum/mute").stdout
     assert json.loads(aatri("stages", "sum/careful", "--json").stdout)["uses"] == ["list.observed"]
