@@ -226,8 +226,8 @@ def run_pipeline(
     pipeline: str | Path | Mapping[str, Any] = "pipeline.yaml",
     *,
     into: str | Path | None = None,
-    set: Sequence[str] = (),
-    use: Sequence[str] = (),
+    set: str | Sequence[str] = (),
+    use: str | Sequence[str] = (),
     variant: str = "",
     local_plugins: bool = False,
     cluster: Any = "",
@@ -242,7 +242,7 @@ def run_pipeline(
         its run, as RUN.yaml, and a Block into the folder RUN_STAGE: so the command line knows the run too.
     into : str or Path, optional
         Folder of the results instead of `run:`.
-    set, use : sequence of str
+    set, use : str or sequence of str
         `STAGE.OPTION=VALUE`, `STAGE=ROLE/VARIANT`.
     local_plugins : bool
         Run the project's own stages too.
@@ -267,7 +267,8 @@ def run_pipeline(
     from aatri.report.page import write_report
 
     path = written(pipeline) if isinstance(pipeline, Mapping) else Path(pipeline)
-    request = Request(str(path), str(into or ""), tuple(set), tuple(use), variant, local_plugins)
+    set_, use = ((given,) if isinstance(given, str) else tuple(given) for given in (set, use))
+    request = Request(str(path), str(into or ""), set_, use, variant, local_plugins)
     opened = open_request(request)
     settings = runner.RunSettings(
         command="aatri.run", source=opened.source, request=opened.request.plain(), cluster=cluster

@@ -61,7 +61,7 @@ class StageCall:
         ports = list(self.ports)
         given = dict(zip(ports, inputs)) | {name: named.pop(name) for name in ports if name in named}
         wrong = [
-            f"{port.name} is a {type(given[port.name]).__name__}, not a {port.kind.kind}"
+            f"{port.name} is {type(given[port.name]).__name__}, not {port.kind.kind}"
             if port.name in given
             else f"needs {port.name}, a {port.kind.kind}"
             for port in self._card.ports

@@ -89,7 +89,7 @@ def test_a_pipeline_is_run_and_opened(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("aatri.pipeline.methods.registry.find_stages", made_up_registry)
     write_pipeline(tmp_path, LINES)
-    run = aatri.run("pipeline.yaml", set=["a.count=4"])
+    run = aatri.run("pipeline.yaml", set="a.count=4")
     assert list(run) == ["a", "s"]
     assert run["s"].record is not None
     assert list(aatri.open("pipeline.yaml")) == ["a", "s"]
@@ -158,7 +158,7 @@ def test_a_stage_is_called_in_memory_and_refuses_what_it_does_not_know() -> None
         bundle(block, max_iterations="x")
     with pytest.raises(SpecError, match=r"bundle_adjustment/bundle: [^:]*blunders"):
         bundle(block, blunders="robust", reliability=True)
-    with pytest.raises(SpecError, match="block is a ImagePoints, not a Block"):
+    with pytest.raises(SpecError, match="block is ImagePoints, not Block"):
         bundle(calibrated(block))
 
 
