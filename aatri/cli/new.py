@@ -70,8 +70,8 @@ _COMMENTS = {
 _OF_GRAPH = with_options(OF_GRAPH + ACCURACY, ["blunders: robust_snooping"])
 PHOTOS = f"""\
 # Photographs: images, cameras and positions are what their files say, tie points are found in their pixels.
-# Without positions add `datum: free` to `with:` of the bundle. Control measured elsewhere: `aatri new --from
-# PHOTOGRAPHS --from LIST`; to measure control: `aatri export RUN:block tables FOLDER`, then `aatri measure FOLDER`.
+# Without positions the bundle has `datum: free`. Control measured elsewhere: `aatri new --from PHOTOGRAPHS --from
+# LIST`; to measure control: `aatri export RUN:block tables FOLDER`, then `aatri measure FOLDER`.
 {HEAD}  photos:   {{use: block/photos, with: {{path: @PATH@}}}}
 {of_matched(_OF_GRAPH)}"""
 _WITH_START = {
@@ -243,7 +243,9 @@ def _text(block: BlockSource, folder: Path, photographs: Path | None) -> str:
         return _COMMENTS[block] + HEAD + "  block:    {use: block/tables, with: {path: block}}\n" + _OF_GRAPH
     if block is BlockSource.photos:
         path = json.dumps(path_from(photographs or folder / "photos", folder), ensure_ascii=False)
-        return PHOTOS.replace("@PATH@", path)
+        text = PHOTOS.replace("@PATH@", path)
+        has_positions = photographs is None or _say_positions(photographs)
+        return text if has_positions else text.replace("with: {blunders", "with: {datum: free, blunders")
     if block in _WITH_START:
         read, options = _WITH_START[block]
         return f"{_COMMENTS[block]}{HEAD}  block:    {read}\n{with_options(WITH_START + ACCURACY, options)}"
@@ -251,6 +253,18 @@ def _text(block: BlockSource, folder: Path, photographs: Path | None) -> str:
     for stage, value in _LINES[block].items():
         body = re.sub(rf"^(  {stage}: +).*$", rf"\g<1>{value}", body, flags=re.MULTILINE)
     return _COMMENTS[block] + body
+
+
+def _say_positions(photographs: Path) -> bool:
+    """Whether the photographs have positions."""
+    from aatri.formats.parts.format import Reading
+    from aatri.formats.registry.sources import read_source
+    from aatri.progress import SILENT
+
+    has_positions = bool(read_source(photographs, Reading(format="photos"), SILENT).exterior)
+    if not has_positions:
+        narrate("the photographs have no positions: a free model, without a place and a scale (`datum: free`)")
+    return has_positions
 
 
 def demo_path() -> Path:

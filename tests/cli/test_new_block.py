@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -12,6 +13,7 @@ from aatri.cli.main import app
 from aatri.errors import AatriError
 from aatri.formats.tables.reader import read_block as read
 from aatri.formats.tables.source import FILES
+from tests.made_photographs import exif_of
 from tests.reading import read_block
 
 
@@ -117,3 +119,17 @@ def test_the_size_of_pixels_is_said_to_bear_on_nothing_unless_standard_deviation
     changes = (", origin: top-left-corner, y: down", ""), ("sigma_image: mm", f"sigma_image: {unit}")
     read(_filled(tmp_path, *in_mm, *changes), reporter)
     assert any("pixel: size bears on nothing" in line for line in told) == idle
+
+
+def test_photographs_without_positions_are_adjusted_as_a_free_model(tmp_path: Path) -> None:
+    image = pytest.importorskip("PIL.Image").new("L", (64, 48))
+    for name, exif in (("placed", exif_of(np.array([0.0, 0.0, 100.0]))), ("bare", None)):
+        (tmp_path / name).mkdir()
+        image.save(tmp_path / name / "1.jpg", **({"exif": exif} if exif is not None else {}))
+        made = CliRunner().invoke(app, ["new", str(tmp_path / f"of {name}"), str(tmp_path / name), "--block", "photos"])
+        assert made.exit_code == 0, made.stderr
+        text = (tmp_path / f"of {name}" / "pipeline.yaml").read_text()
+        assert ("datum: free, " in text) == (name == "bare")
+    nowhere = CliRunner().invoke(app, ["new", str(tmp_path / "p"), str(tmp_path / "none"), "--block", "photos"])
+    assert nowhere.exit_code == 3
+    assert not (tmp_path / "p").exists()
