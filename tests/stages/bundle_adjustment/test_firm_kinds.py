@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from aatri.artifacts.suspects import staying_out
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.stages.film_blocks import Told
 from tests.stages.initial_orientation import unordered
@@ -30,7 +29,7 @@ def test_positions_given_a_hundred_times_too_exactly_keep_no_good_observation_ou
     solution = bundle(
         replace(block, exterior=e, ground_points=control), points, initial, options=BundleOptions(), context=told
     )
-    assert not staying_out(solution.suspects).any()
+    assert not solution.suspects.staying_out.any()
     (line,) = [text for text in told.warnings if "standard deviations do not fit the residuals" in text]
     assert float(line.split("): position ")[1].split(",")[0]) == pytest.approx(100.0, rel=0.5)
     d, C = solution.points.xyz_m[truth.point] - truth.xyz_m, solution.points.covariance_m2[truth.point]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aatri.artifacts.suspects import Suspects, staying_out
+from aatri.artifacts.suspects import Suspects
 from aatri.stages.bundle_adjustment.bundle import bundle
 from tests.stages.film_blocks import Told
 from tests.stages.initial_orientation import unordered
@@ -29,4 +29,4 @@ def test_a_strip_of_four_times_the_errors_of_others_is_named_and_costs_them_noth
     assert f"of strip {block.strips.id[strip]}: " in line
     assert float(line.split("errors are ")[1].split()[0]) == pytest.approx(4.0, rel=0.15)
     assert solution.remaining_sigma0 == pytest.approx(1.0, abs=0.1)
-    assert staying_out(solution.suspects).sum() <= 1
+    assert solution.suspects.staying_out.sum() <= 1
