@@ -1,9 +1,10 @@
-"""Iterations that are kept: an adjustment that was killed goes on at the one it had come to, to the same bits.
+"""Iterations that are kept: an adjustment that was killed goes on at the last that it factorised, to the same bits.
 
 Kept are the values of all groups, the damping, the curvature of the losses, the blocks that are slowed down, and the
-history; the linearisation there is computed again. The adjustments of a stage are numbered in their order, which the
-same inputs repeat; those that came to their end before are gone through again by their last iterations. What is kept
-belongs to its start: an adjustment that begins otherwise does not take it.
+history; the linearisation there is computed again. Chord steps, which go on from an earlier factor, are repeated. The
+adjustments of a stage are numbered in their order, which the same inputs repeat; those that came to their end before
+are gone through again by their last iterations. What is kept belongs to its start: an adjustment that begins otherwise
+does not take it.
 """
 
 import dataclasses
