@@ -18,6 +18,7 @@ from aatri.cli.new_from_text import (
     NETWORK,
     OF_GRAPH,
     OF_STRIPS,
+    UNCORRECTED,
     WITH_START,
     of_matched,
     pipeline_text,
@@ -103,7 +104,8 @@ def pipeline_from(
     if not _has_datum(block) and any(p.frame == LOCAL for p in parts if p.exterior):
         narrate("a free model: nothing gives its scale, so that m and mm of the results are units of the model")
     _check_enough(block, str(paths[0]))
-    stages = _stages(block, _options(block, sources, parts))
+    measured = single_stage and sources[0].format.name == "tables" and "photo" not in block.cameras.image_coordinates
+    stages = _stages(block, _options(block, sources, parts), measured=measured)
     if len(block.fiducial_points):  # film on a comparator
         stages = stages.replace("interior_orientation/calibrated", "interior_orientation/affine")
     observed = (block.exterior.position_use == OBSERVED_VALUE).any()
@@ -252,14 +254,14 @@ def _options(block: Block, sources: Sequence[SourceWithSettings], parts: Sequenc
     return [CALIBRATED] * calibrated + [COMPONENTS] * (assumed and _has_datum(block)) + matched
 
 
-def _stages(block: Block, options: list[str]) -> str:
-    """The stages after the block; `options` of its bundle."""
+def _stages(block: Block, options: list[str], *, measured: bool) -> str:
+    """The stages after the block; `options` of its bundle; `measured`: block.yaml says what is to be corrected."""
     if not len(block.images):
         return _of_network(_has_datum(block))
     if _has_start(block):
         return with_options(WITH_START + ACCURACY, [*["datum: minimal"] * (not _has_datum(block)), *options])
     if (block.images.strip >= 0).all() and _has_datum(block):
-        return with_options(OF_STRIPS + ACCURACY, options)
+        return with_options(OF_STRIPS.replace(UNCORRECTED, "") if measured else OF_STRIPS, options) + ACCURACY
     return with_options(OF_GRAPH + ACCURACY, [*["datum: free"] * (not _has_datum(block)), *options])
 
 

@@ -17,9 +17,10 @@ REMARKS = {"control_sigma": "     # m, of control without a standard deviation; 
 
 HEAD = "run: runs/block\nseed: 1\nstages:\n"
 INTERIOR = "  interior: {use: interior_orientation/calibrated, from: {block}}\n"
-REFINED = """\
-  refined:  {use: image_refinement/systematic, from: {block, image_points: interior},
-             with: {refraction: false, earth_curvature: false}}
+UNCORRECTED = ",\n             with: {refraction: false, earth_curvature: false}"
+"""Where image coordinates of other programs are corrected already, or nobody knows."""
+REFINED = f"""\
+  refined:  {{use: image_refinement/systematic, from: {{block, image_points: interior}}{UNCORRECTED}}}
 """
 ACCURACY = "  accuracy: {use: accuracy/evaluation, from: {block, solution: bundle}}\n"
 MATCHED = "  block:    {use: tie_points/sift, from: {block: photos}}\n"

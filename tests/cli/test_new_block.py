@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,8 +14,10 @@ from aatri.cli.main import app
 from aatri.errors import AatriError
 from aatri.formats.tables.reader import read_block as read
 from aatri.formats.tables.source import FILES
+from aatri.formats.tables.writer import write_block
 from tests.made_photographs import exif_of
 from tests.reading import read_block
+from tests.stages.chain import simulated
 
 
 def _made(tmp_path: Path, block: str = "tables") -> Path:
@@ -133,3 +136,18 @@ def test_photographs_without_positions_are_adjusted_as_a_free_model(tmp_path: Pa
     nowhere = CliRunner().invoke(app, ["new", str(tmp_path / "p"), str(tmp_path / "none"), "--block", "photos"])
     assert nowhere.exit_code == 3
     assert not (tmp_path / "p").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("coordinates", "corrected"), [("comparator", True), ("photo", False)])
+def test_of_a_block_folder_the_corrections_are_those_of_block_yaml(
+    tmp_path: Path, coordinates: str, corrected: bool
+) -> None:
+    """Photo coordinates are reduced already; comparator coordinates and pixels nobody has corrected."""
+    flight = {"strips": 2, "images_per_strip": 3, "cross_strips": 0}
+    block = simulated(5, preset="rc30", flight=flight, ties={"new_points": 40}, known={"full": 6})
+    cameras = replace(block.cameras, image_coordinates=np.array([coordinates]))
+    write_block(replace(block, cameras=cameras), tmp_path / "film")
+    made = CliRunner().invoke(app, ["new", str(tmp_path / "p"), "--from", str(tmp_path / "film")])
+    refined = (tmp_path / "p" / "pipeline.yaml").read_text().partition("refined:")[2].partition("models:")[0]
+    assert ("false" not in refined) == corrected, made.stderr
