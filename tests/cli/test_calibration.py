@@ -11,6 +11,9 @@ import pytest
 from aatri.artifacts.solution import ParameterCovariances, Parameters
 from aatri.cli.run_ending import say_parameters
 from aatri.formats.results.parameter_units import parameter_units
+from aatri.observations.relative.lines import HORIZONTAL, LINE, PLUMB
+from aatri.observations.relative.planes import PLANE_SHAPE, VERTICAL
+from aatri.observations.relative.round_shapes import CYLINDER, SPHERE
 from aatri.report.sections.calibration import parameter_summary
 from aatri.tables.hdf5 import read, write
 from tests.formats.results.test_readable import full_solution
@@ -53,6 +56,16 @@ def test_parameters_of_a_camera_have_the_units_of_its_model(capsys: pytest.Captu
     assert parameter_units(solution)[:10] == units
     say_parameters(parameter_summary("bundle", solution))
     assert "metric c (change)" in capsys.readouterr().out
+
+
+def test_unknowns_of_conditions_and_of_distances_have_units() -> None:
+    shapes = (LINE, PLUMB, HORIZONTAL, PLANE_SHAPE, VERTICAL, SPHERE, CYLINDER)
+    names = [*(name for shape in shapes for name in shape.labels), "scale", "addition", "readout"]
+    n, solution = len(names), full_solution()
+    of_shapes = replace(
+        solution.parameters, group=["x"] * n, object=["a"] * n, name=names, value=[0.1] * n, sigma=[0.1] * n
+    )
+    assert all(parameter_units(replace(solution, parameters=of_shapes, parameter_covariances=None)))
 
 
 def test_strong_correlations_are_named(capsys: pytest.CaptureFixture[str]) -> None:
