@@ -92,6 +92,10 @@ IMPRECISE, USUAL_SIGMA_MM = 0.008, (3e-4, 0.05)
 80 x 60 pixels; 2 um of 22 cm of film read as mm are 0.009, 1 um of 10 cm of a digital frame 0.010. Standard deviations
 that are usual: from a thirtieth of a pixel of 9 um (targets) to two pixels of film scanned at 25 um."""
 
+MOST_EXACT_PX, MOST_EXACT = 0.02, 1e-6
+"""Standard deviations below which no image point is measured, of pixels and of the image: the best
+targets have 0.02 to 0.05 px, the best comparators 1 um of 23 cm (Luhmann et al., Close-Range Photogrammetry)."""
+
 LARGEST_AIRCRAFT_M, LONG_LEVER_ARM_M, LEVER_SHARE = 90.0, 10.0, 0.5
 """Nothing that flew was larger (Antonov 225: 84 by 88 m), and no antenna is farther from its camera; a lever arm long
 for other carriers, and the share of the distance from the object beyond which it is one in another unit."""

@@ -27,7 +27,7 @@ LIMIT = float(chdtri(1.0, 2.0 * ALARM))
 UNTESTED = 0.5
 """Redundancy up to which nothing tests the others without one record: any of three control points may be wrong."""
 
-_SCALES = np.concatenate([[1.0], np.exp(np.linspace(np.log(0.01), np.log(50.0), 327))])
+_SCALES = np.concatenate([[1.0], np.exp(np.linspace(np.log(0.01), np.log(5000.0), 503))])
 """The first is 1. The least is below `NO_ERRORS` of a search, which takes such a class for one without errors."""
 
 
@@ -92,6 +92,8 @@ def _gain_of_gross_errors(v: Float, R: Float, record: Int, scale: float) -> floa
     without one nothing tests the others, with standard deviations of this scale: it explains all there is.
     """
     numbers = np.unique(record)
+    if len(numbers) == 1 and len(v) <= 3:  # a single point, and not the coordinates of several with their covariances
+        return np.inf
     of_records = [np.flatnonzero(record == k) for k in numbers]
     candidates = [*of_records, *(rows[[k]] for rows in of_records if len(rows) > 1 for k in range(len(rows)))]
     total, most = 0.0, 0.0

@@ -10,7 +10,8 @@ holds points that span an angle as cameras have. All points in one quarter, whic
 is too large, or the origin another. Where neither format nor marks are given, the angle 2 atan(reach / c) that the
 points span must be one that a camera has; the units are named in which it would.
 An imprecision of more than 0.008 is a warning: it may be a target in the middle of all images, or a camera of little
-weight. It is an error where all cameras are so and the standard deviation would be a usual one in a smaller unit.
+weight. It is an error where all cameras are so and the standard deviation would be a usual one in a smaller unit. One
+below a fiftieth of a pixel, or a millionth of the extent of film, is a warning: no measurement is as exact.
 """
 
 import numpy as np
@@ -24,6 +25,8 @@ from aatri.checks.limits import (
     FIELD_OF_VIEW_DEG,
     FILLED,
     IMPRECISE,
+    MOST_EXACT,
+    MOST_EXACT_PX,
     NO_COVERAGE,
     SMALL_COVERAGE,
     USUAL_FIELD_DEG,
@@ -95,7 +98,7 @@ def imprecision(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float, sigma_m
     camera_of_ray : (k,) int
     xy_mm, sigma_mm : (k, 2) float64, mm
     """
-    measured, imprecise = 0, []
+    measured, imprecise, findings = 0, [], list[Finding]()
     for k, name in enumerate(cameras.id):
         xy, sigma = xy_mm[camera_of_ray == k], sigma_mm[camera_of_ray == k]
         extent = float(np.ptp(xy, axis=0).max()) if len(xy) >= FEWEST_COVERING else 0.0
@@ -105,7 +108,7 @@ def imprecision(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float, sigma_m
         median = float(np.median(sigma.min(axis=1)))  # a coordinate that is not measured has a large one
         if median > IMPRECISE * extent:
             imprecise.append((name, median, extent))
-    findings = []
+        findings += _too_exact(name, median, extent, float(cameras.pixel_mm[k]))
     for name, median, extent in imprecise:
         units = _usual_units(median) if len(imprecise) == measured else []
         text = f"standard deviations of its image points are {median:.3g} mm in the median, {median / extent:.1%} of "
@@ -114,6 +117,18 @@ def imprecision(cameras: CameraFrames, camera_of_ray: Int, xy_mm: Float, sigma_m
         level: Level = "error" if units else "warning"
         findings.append(Finding("coverage", level, text, SIGMA_REMEDY, where=f"camera {name}"))
     return findings
+
+
+def _too_exact(name: str, sigma_mm: float, extent_mm: float, pixel_mm: float) -> list[Finding]:
+    """Standard deviations that no measurement has: in another unit, or guessed."""
+    size_mm, least, of_what = extent_mm, MOST_EXACT, "the image"
+    if pixel_mm > 0:
+        size_mm, least, of_what = pixel_mm, MOST_EXACT_PX, "a pixel"
+    if not 0 < sigma_mm < least * size_mm:
+        return []
+    text = f"standard deviations of its image points are {1e3 * sigma_mm:.2g} um in the median, "
+    text += f"{sigma_mm / size_mm:.2g} of {of_what}: no measurement is as exact, and residuals will not fit them"
+    return [Finding("coverage", "warning", text, SIGMA_REMEDY, where=f"camera {name}")]
 
 
 def _usual_units(sigma_mm: float) -> list[str]:

@@ -99,6 +99,8 @@ def orient_strips(block_strips: StripsOfBlock, joining: Joining, *, max_sigma0: 
         fitting = oriented.with_notes(fit_notes(block_strips.strips, oriented.parts, max_sigma0))
     except ConvergenceError as error:
         without = None if max_sigma0 is not None else _without_misfits(block_strips, joining, oriented)
+        if without is None and max_sigma0 is None:
+            without = _without_camera(block_strips, joining)
         if without is not None:
             return without
         block, strips = block_strips.ground.block, block_strips.strips
@@ -153,6 +155,22 @@ def _without_misfits(block_strips: StripsOfBlock, joining: Joining, oriented: Or
     return by_themselves.with_notes(
         [*(Note("warning", f"{text}: it is taken by itself") for text in texts), *alone_fitting]
     )
+
+
+def _without_camera(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
+    """The same without the strips of one camera, as few as can be, where the others fit: its c may stretch them."""
+    table, block = block_strips.strips.strip_images, block_strips.ground.block
+    camera = block.images.camera[table.image]
+    fitting = list[tuple[int, int, OrientedStrips]]()
+    for k in np.unique(camera).tolist():
+        without = _tried(block_strips, replace(joining, left_out=tuple(np.unique(table.strip[camera == k]).tolist())))
+        if without is not None and (notes := _fitting(block_strips, without)) is not None:
+            fitting.append((without.strips, k, without.with_notes(notes)))
+    if not fitting:
+        return None
+    _, k, without = max(fitting, key=lambda one: one[0])
+    text = "strips of different cameras contradict each other; those of one are left out: check principal distances"
+    return without.with_notes([Note("warning", text, (str(block.cameras.id[k]),))])
 
 
 def _without_positions(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:

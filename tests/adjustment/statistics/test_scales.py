@@ -144,6 +144,10 @@ def test_gross_errors_are_no_scale(wrong: list[int]) -> None:
     assert small_class_scale(v + R @ error, R, RECORD)[0] == 1.0
 
 
+def test_one_record_alone_has_a_gross_error_and_no_scale() -> None:
+    assert small_class_scale(np.full(3, 20.0), np.diag([0.3, 0.3, 0.2]), np.zeros(3, dtype=np.int64))[0] == 1.0
+
+
 def test_one_gross_error_of_another_kind_that_explains_as_much_is_no_scale() -> None:
     """A wrong control point beside positions leaves v'R^-v in these; a record that is none of its causes far less."""
     v, R = _residuals(10.0, 1, 0.5)

@@ -251,6 +251,7 @@ def test_standard_deviations_in_another_unit_than_their_image_are_an_error(sigma
         (1.0, (5e-3, 100.0), []),  # only x is measured
         (2e-3, (5e-3, 5e-3), ["warning"]),  # a target of 0.4 mm in the middle of all images
         (1.0, (1e4, 1e4), ["warning"]),  # usual in no unit
+        (1.0, (5e-6, 5e-6), ["warning"]),  # um read as nm
         (0.0, (5e-3, 5e-3), []),  # all points in one place: a matter of `coverage`
     ],
 )

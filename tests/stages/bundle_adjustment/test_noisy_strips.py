@@ -16,17 +16,18 @@ from tests.stages.initial_orientation.unordered import SMALL_UAV
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_strip_of_four_times_the_errors_of_others_is_named_and_costs_them_nothing(seed: int) -> None:
+@pytest.mark.parametrize("size", [4.0, 2.4])
+def test_a_strip_of_larger_errors_than_others_is_named_and_costs_them_nothing(seed: int, size: float) -> None:
     block = unordered.simulated(seed, **{**SMALL_UAV, "ties": {"random_per_image": 25.0}})
     points, rng = unordered.measured(block), np.random.default_rng(seed)
     m, strip = points.measurements, int(block.images.strip[8])
     noisy = block.images.strip[m.image] == strip
-    noise = np.sqrt(4.0**2 - 1.0) * m.sigma_mm * noisy[:, None] * rng.normal(size=m.xy_mm.shape)
+    noise = np.sqrt(size**2 - 1.0) * m.sigma_mm * noisy[:, None] * rng.normal(size=m.xy_mm.shape)
     points = replace(points, measurements=replace(m, xy_mm=m.xy_mm + noise))
     told, initial = Told(), replace(unordered.initial_of(block), suspects=Suspects.empty())
     solution = bundle(block, points, initial, context=told)
     (line,) = [text for text in told.warnings if "its errors are" in text]
     assert f"of strip {block.strips.id[strip]}: " in line
-    assert float(line.split("errors are ")[1].split()[0]) == pytest.approx(4.0, rel=0.15)
+    assert float(line.split("errors are ")[1].split()[0]) == pytest.approx(size, rel=0.2)
     assert solution.remaining_sigma0 == pytest.approx(1.0, abs=0.1)
     assert solution.suspects.staying_out.sum() <= 1

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adjustment.statistics.class_scales import ClassScales
 from aatri.adjustment.statistics.long_tails import Tail
 from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
@@ -22,6 +23,9 @@ from aatri.orientation.bundle.blunders.search_notes import labels
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock
 from aatri.orientation.bundle.result import BundleResult, from_result
+
+FAR_TOO_EXACT = 50.0
+"""Scale of a small kind beside what a robust adjustment finds wrong, from which it is wrong itself."""
 
 HARMLESS = 2.0
 """Tests up to this many limits smear so little that no robust adjustment is needed."""
@@ -62,46 +66,67 @@ class FittedSigmas(Rejections):
     def _with_fitting_sigmas(self, tested: TestedBlock) -> TestedBlock:
         """Adjusted with standard deviations that fit, where nothing is far out of them: else the residuals smear.
 
-        A noisy image has its own where that leaves nothing above the limit: gross errors of an image smear the rest of
-        it, and are for a robust adjustment to tell from noise. Else all is as if nobody had tried.
+        A noisy image has its own where that leaves nothing of it above the limit: gross errors of an image smear its
+        rest, and are for a robust adjustment to tell from noise. Else all is as if nobody had tried.
         """
-        tested = self._with_firm_kind_looser(tested)
+        scales = None if self.options.sigmas == "given" else self.scaling.classes.scales(tested.result)
+        if scales is not None and (loosened := self._with_firm_kind_looser(tested, scales)) is not tested:
+            tested, scales = loosened, None
         before = self.scaling, self.block, self.all
         apart = self._with_noisy_image_apart(tested)
-        fitted = self._with_scales(apart)
-        above_limit = bool((fitted.active & (fitted.test > self.options.w_limit)).any())
-        if apart is tested or (self.scaling.noisy and not (self.smeared or above_limit)):
+        fitted = self._with_scales(apart, scales if apart is tested else None)
+        if apart is tested:
             return fitted
+        of_images = self._in_classes(self.scaling.classes.of_image)
+        above_limit = bool((fitted.active & of_images & (fitted.test > self.options.w_limit)).any())
+        if self.scaling.noisy and not (self.smeared or above_limit):
+            return fitted
+        noisy = self.scaling.noisy
         self.scaling, self.block, self.all = before
-        return self._with_scales(tested)
+        fitted = self._with_scales(tested)
+        self.smeared |= noisy
+        return fitted
 
-    def _with_scales(self, tested: TestedBlock) -> TestedBlock:
-        """Adjusted until the scales of the classes stay, or something is far out of them."""
+    def _with_scales(self, tested: TestedBlock, scales: ClassScales | None = None) -> TestedBlock:
+        """Adjusted until the scales of the classes stay, or something is far out of them; the first may be known."""
         for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
-            scales = self.scaling.classes.scales(tested.result)
-            scaling, factor = self.scaling.after(scales)
-            small = (factor == 1.0).all()  # after the others: their errors would be taken for those of small kinds too
-            others = tested.active & ~self._in_classes(self.scaling.classes.in_small_kinds(scales))
-            if small and not (tested.low_redundancy or self._is_harmful(tested, others)):
-                scaling, factor = self.scaling.after(self.scaling.classes.of_small_kinds(scales, tested.result))
+            scales = scales or self.scaling.classes.scales(tested.result)
+            scaling, factor = self._scaling_after(scales, tested)
             self.smeared = self._is_harmful(tested, tested.active, self._smallest_factors(factor))
             if self.smeared:
                 break
             self._rescale(scaling, factor, from_result(self.block, tested.result))
             if (factor == 1.0).all():
                 break
-            tested = self._adjusted_again(tested)
+            tested, scales = self._adjusted_again(tested), None
         return tested
 
-    def _with_firm_kind_looser(self, tested: TestedBlock) -> TestedBlock:
-        """With standard deviations that fit of a kind of little redundancy, where with these nothing is far out.
+    def _scaling_after(
+        self, scales: ClassScales, tested: TestedBlock | None, most: float = np.inf
+    ) -> tuple[Scaling, Float]:
+        """With what the residuals ask for, and the factors that this changes by.
+
+        Small kinds come after the others, whose errors would be taken for theirs, and where none of these is far out;
+        none by `most`.
+        """
+        scaling, factor = self.scaling.after(scales)
+        if tested is None or tested.low_redundancy or (factor != 1.0).any():
+            return scaling, factor
+        others = tested.active & ~self._in_classes(self.scaling.classes.in_small_kinds(scales))
+        if self._is_harmful(tested, others):
+            return scaling, factor
+        with_small_kinds = self.scaling.after(self.scaling.classes.of_small_kinds(scales, tested.result))
+        return (scaling, factor) if with_small_kinds[1].max() >= most else with_small_kinds
+
+    def _with_firm_kind_looser(self, tested: TestedBlock, scales: ClassScales) -> TestedBlock:
+        """With standard deviations that fit of a kind of little redundancy, where with these all else fits.
 
         Positions given with 1 mm that err by 0.1 m bend all else. Nothing changes where it may be either of two kinds.
         """
         classes, before, fitting = self.scaling.classes, (self.scaling, self.block, self.all), []
-        if self.options.sigmas == "given" or tested.low_redundancy or not self._is_harmful(tested, tested.active):
+        if tested.low_redundancy or self._fits(tested, scales):
             return tested
-        as_given = replace(classes.scales(tested.result), estimable=np.zeros(len(classes.names), dtype=bool))
+        as_given = replace(scales, estimable=np.zeros(len(classes.names), dtype=bool))
         for kind in np.unique(classes.kind[classes.in_small_kinds(as_given)]).tolist():
             trial = tested
             with contextlib.suppress(ConvergenceError, GeometryError):
@@ -111,26 +136,29 @@ class FittedSigmas(Rejections):
                         break
                     self._rescale(scaling, factor, from_result(self.block, trial.result))
                     trial = self._adjusted_again(trial)
-                if trial is not tested and not self._is_harmful(trial, trial.active):
+                if trial is not tested and self._fits(trial, self.scaling.classes.scales(trial.result)):
                     fitting.append((trial, self.scaling, self.block, self.all))
             self.scaling, self.block, self.all = before
         if len(fitting) == 1:
             tested, self.scaling, self.block, self.all = fitting[0]
         return tested
 
+    def _fits(self, tested: TestedBlock, scales: ClassScales) -> bool:
+        """Whether nothing is far out, and no class asks for larger standard deviations."""
+        _, factor = self.scaling.after(scales)
+        return not ((factor > 1.0).any() or self._is_harmful(tested, tested.active))
+
     def _adjusted_again(self, tested: TestedBlock) -> TestedBlock:
         self.block = replace(self.block, observed=self.all.without(self.block.observed, tested.active))
         return self._tested(self.adjust(self.block, AdjustOptions(coarse=True)), tested.active)
 
     def _with_noisy_image_apart(self, tested: TestedBlock) -> TestedBlock:
-        """With standard deviations of its own for an image that seems noisy, where nothing is far out beside it."""
+        """With standard deviations of its own for an image, or a strip, that seems noisy."""
         before = self.scaling, self.block, self.all
         if not self._takes_image_apart(tested.result, None):
             return tested
         with contextlib.suppress(ConvergenceError, GeometryError):  # a trial
-            beside = self._adjusted_again(tested)
-            if not self._is_harmful(beside, beside.active):
-                return beside
+            return self._adjusted_again(tested)
         self.scaling, self.block, self.all = before
         return tested
 

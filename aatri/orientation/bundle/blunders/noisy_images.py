@@ -5,7 +5,7 @@ larger than that of its class by `SUSPICIOUS`, the largest of all, and more than
 standard deviations of its points become `APART` times as large, in a class of its own: then its errors remain in its
 own residuals, and these tell the scale. Where that is `NOISY` it stays, and where it is not all is as before. Where
 `MOST_OF_STRIP` of the images of its strip are suspicious like it, and these are no more than half of all, they are one
-class: another film, camera or scanner.
+class: another film, camera or scanner, from `NOISY_STRIP` on.
 """
 
 from collections.abc import Sequence
@@ -37,6 +37,9 @@ NOISY = 1.6 / 0.6
 """Images of one flight are of unlike quality; errors of 0.6 to 1.6 times the usual ones are no fault of any
 (`python -m tests.campaigns.false_alarms`), and an image that errs by less than the worst of them beside the best is
 weighted like others."""
+
+NOISY_STRIP = 1.6
+"""Of most images of a strip together: they are not all the worst of one flight."""
 
 MISNAMED = 50.0
 """Points so much farther off have other points' numbers, or an image another's: errors of half a millimetre where 10 um

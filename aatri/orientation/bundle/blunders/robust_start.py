@@ -20,7 +20,7 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import is_ray
-from aatri.orientation.bundle.blunders.fitted_sigmas import MOST_SCALINGS, FittedSigmas
+from aatri.orientation.bundle.blunders.fitted_sigmas import FAR_TOO_EXACT, MOST_SCALINGS, FittedSigmas
 from aatri.orientation.bundle.blunders.robust import (
     Adjust,
     AdjustOptions,
@@ -56,16 +56,17 @@ class RobustStart(FittedSigmas):
         """What is active after a robust adjustment; the block starts from there."""
         moved = self.block if initial is None else self._start_from(initial, active)
         result = self._robust_from(moved, initial, active)
-        least_squares = self._least_squares_beside(result, initial, active)
+        least_squares, tested = self._least_squares_beside(result, initial, active), initial
         for _ in range(MOST_SCALINGS if self.options.sigmas != "given" else 0):
             if not self._takes_image_apart(result, least_squares):
-                scaling, factor = self.scaling.after(self.scaling.classes.scales(result, least_squares))
+                scales = self.scaling.classes.scales(result, least_squares)
+                scaling, factor = self._scaling_after(scales, tested, FAR_TOO_EXACT)
                 self._rescale(scaling, factor, from_result(self.block, result))
                 if (factor == 1.0).all():
                     break
-            rescaled = self._initial_least_squares(active)
-            result = self._robust_from(self.block, rescaled, active)
-            least_squares = self._least_squares_beside(result, rescaled, active)
+            tested = self._initial_least_squares(active)
+            result = self._robust_from(self.block, tested, active)
+            least_squares = self._least_squares_beside(result, tested, active)
         state = result.adjusted.state
         # what least squares followed, so that nothing controlled it there, may be far off here: at least |v|
         test = np.fmax(*(self._robust_tests(result, covariances) for covariances in (least_squares, None)))

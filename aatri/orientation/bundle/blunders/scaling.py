@@ -22,11 +22,15 @@ from aatri.adjustment.statistics.variance_components import ESTIMABLE, LEAST_SHA
 from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note
 from aatri.observations.observed import Observed, full_whitener
-from aatri.observations.poses import POINT, POSE, is_additional
+from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput, ImageGroups
-from aatri.orientation.bundle.blunders.all_records import is_ray
-from aatri.orientation.bundle.blunders.noisy_images import APART, NOISY, is_of_images
-from aatri.orientation.bundle.blunders.tested_block import gains_of, residuals_and_redundancy, residuals_beside
+from aatri.orientation.bundle.blunders.noisy_images import APART, NOISY, NOISY_STRIP, is_of_images
+from aatri.orientation.bundle.blunders.tested_block import (
+    is_prior,
+    largest_gain_beside,
+    residuals_and_redundancy,
+    residuals_beside,
+)
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.variance_groups import with_factor
 
@@ -54,6 +58,8 @@ class Classes:
     """Sets of images, of a strip say, that have classes of their own."""
     part_of: tuple[int, ...] = ()
     """Of the last classes, which are those of images, the class of other images' points."""
+    least: tuple[float, ...] = ()
+    """How much larger than theirs its standard deviations are at least."""
 
     @classmethod
     def of(cls, block: BundleInput) -> Classes:
@@ -78,6 +84,11 @@ class Classes:
         return np.array([*range(len(self.names) - len(self.part_of)), *self.part_of], dtype=np.int64)
 
     @property
+    def at_least(self) -> Float:
+        """How much larger than those of its base the standard deviations of each class are at least, (g,)."""
+        return np.array([*np.ones(len(self.names) - len(self.part_of)), *self.least])
+
+    @property
     def of_image(self) -> Bool:
         """Classes of images, (g,)."""
         return np.arange(len(self.names)) >= len(self.names) - len(self.part_of)
@@ -85,13 +96,16 @@ class Classes:
     def with_images(self, observed: tuple[Observed, ...], images: Int, name: str) -> Classes:
         """With classes of their own for some images."""
         names, kind, number, part_of = list(self.names), self.kind, list(self.number), list(self.part_of)
+        least = NOISY if len(images) == 1 else NOISY_STRIP
         for i, o in enumerate(observed):
             rows = np.isin(dict(o.records.touches)[POSE], images) if is_of_images(o) else np.zeros(len(o), dtype=bool)
             for k in np.unique(number[i][rows]).tolist():
                 number[i] = np.where(rows[:, None] & (number[i] == k), np.int32(len(names)), number[i])
                 kind, part_of = np.append(kind, kind[k]), [*part_of, k]
                 names.append(f"{names[k]} of {name}")
-        return Classes(tuple(names), kind, tuple(number), (*self.images, tuple(images.tolist())), tuple(part_of))
+        all_images = (*self.images, tuple(images.tolist()))
+        least_of = (*self.least, *[least] * (len(part_of) - len(self.part_of)))
+        return Classes(tuple(names), kind, tuple(number), all_images, tuple(part_of), least_of)
 
     def scales(self, result: BundleResult, least_squares: BundleResult | None = None) -> ClassScales:
         """Scales of all classes from the residuals of what is used.
@@ -161,7 +175,7 @@ class Classes:
 
         What is known of film, cameras and mounts beforehand keeps its own; weights of additional parameters are none.
         """
-        return tuple(o if _is_prior(o) else with_factor(o, number, factor) for o, number in zip(observed, self.number))
+        return tuple(o if is_prior(o) else with_factor(o, number, factor) for o, number in zip(observed, self.number))
 
 
 def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[float, float]:
@@ -172,8 +186,9 @@ def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[floa
     if not 1 < used.sum() <= MOST_TOGETHER:
         return 1.0, 0.0
     record = np.repeat(np.arange(len(rows)), records.rows)[used]
-    v, r = residuals_and_redundancy(observations, result.adjusted.state, rows)
-    of_others = _largest_gain_beside(result, place)
+    v, _ = residuals_and_redundancy(observations, result.adjusted.state, rows)
+    r = 1.0 - np.einsum("nii->ni", observations.covariance[rows])  # as small as it is
+    of_others = largest_gain_beside(result, place)
     if not may_differ(v.ravel()[used], r.ravel()[used], record, of_others):
         return 1.0, 0.0  # not even one by one: another factor of the normal equations is saved
     inverse = np.linalg.pinv(full_whitener(records.whitener[rows]))
@@ -182,21 +197,6 @@ def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[floa
         H[k, :, k * records.rows : (k + 1) * records.rows] = block
     R = score(result.adjusted, records, rows, H[:, :, used]).information[0]
     return small_class_scale(v.ravel()[used], R, record, of_others)
-
-
-def _largest_gain_beside(result: BundleResult, place: int) -> float:
-    """The most that leaving out a value given, or a record of a kind but that at `place` and rays, would gain."""
-    others = [
-        o
-        for i, o in enumerate(result.observations)
-        if i != place and (_is_prior(o.observed) or (o.observed.is_measured and not is_ray(o.observed)))
-    ]
-    gains = [gains_of(o, result.adjusted.state, np.flatnonzero(o.used)) for o in others]
-    return float(np.nanmax(np.concatenate([np.zeros(1), *gains])))
-
-
-def _is_prior(o: Observed) -> bool:
-    return not (o.is_measured or o.exact) and not any(is_additional(group) for group, _ in o.records.touches)
 
 
 def _labels(o: Observed, images: ImageGroups | None) -> tuple[list[str], Int]:
@@ -247,7 +247,7 @@ class Scaling:
         )  # after others have been set right
         after = np.where(near_a_priori, 1.0, self.factor * factor)
         base, like_others = self.classes.base, self.classes.of_image & ~scales.estimable
-        like_others |= self.classes.of_image & (after < NOISY * after[base])
+        like_others |= self.classes.of_image & (after < self.classes.at_least * after[base])
         after = np.where(like_others, after[base], after)
         error_free = after < NO_ERRORS
         if self.without_errors is not None:

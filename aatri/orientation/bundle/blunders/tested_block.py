@@ -15,6 +15,8 @@ from aatri.adjustment.statistics.variance_components import ESTIMABLE
 from aatri.adjustment.threads import by_rows
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
+from aatri.observations.observed import Observed
+from aatri.observations.poses import is_additional
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import is_ray
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
@@ -136,3 +138,19 @@ def residuals_beside(
     if least_squares is not None:
         observations = replace(observations, covariance=least_squares_covariance(observations, least_squares, i))
     return residuals_and_redundancy(observations, result.adjusted.state, rows)
+
+
+def largest_gain_beside(result: BundleResult, place: int) -> float:
+    """The most that leaving out a value given, or a record of a kind but that at `place` and rays, would gain."""
+    others = [
+        o
+        for i, o in enumerate(result.observations)
+        if i != place and (is_prior(o.observed) or (o.observed.is_measured and not is_ray(o.observed)))
+    ]
+    gains = [gains_of(o, result.adjusted.state, np.flatnonzero(o.used)) for o in others]
+    return float(np.nanmax(np.concatenate([np.zeros(1), *gains])))
+
+
+def is_prior(o: Observed) -> bool:
+    """Whether this is what is known of cameras, film or mounts beforehand."""
+    return not (o.is_measured or o.exact) and not any(is_additional(group) for group, _ in o.records.touches)
