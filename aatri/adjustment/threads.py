@@ -90,7 +90,7 @@ def taken(values: npt.NDArray[Scalar], order: Int) -> npt.NDArray[Scalar]:
 def by_rows(work: Callable[..., npt.NDArray[np.float64]], *columns: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
     """`work(*columns)`, each row of which follows from that row of the columns alone: in several threads.
 
-    The pieces are those of any number of threads, and so are the bits.
+    Pieces have the same size whatever the number of threads, so that the result has the same bits.
     """
     n = len(columns[0])
     pieces: list[npt.NDArray[np.float64]] = [np.empty(0)] * max(-(-n // WORTH_A_THREAD), 1)

@@ -244,8 +244,10 @@ def _text(block: BlockSource, folder: Path, photographs: Path | None) -> str:
     if block is BlockSource.photos:
         path = json.dumps(path_from(photographs or folder / "photos", folder), ensure_ascii=False)
         text = PHOTOS.replace("@PATH@", path)
-        has_positions = photographs is None or _say_positions(photographs)
-        return text if has_positions else text.replace("with: {blunders", "with: {datum: free, blunders")
+        if photographs is None or _have_positions(photographs):
+            return text
+        narrate("the photographs have no positions: a free model, without a place and a scale (`datum: free`)")
+        return text.replace("with: {blunders", "with: {datum: free, blunders")
     if block in _WITH_START:
         read, options = _WITH_START[block]
         return f"{_COMMENTS[block]}{HEAD}  block:    {read}\n{with_options(WITH_START + ACCURACY, options)}"
@@ -255,16 +257,13 @@ def _text(block: BlockSource, folder: Path, photographs: Path | None) -> str:
     return _COMMENTS[block] + body
 
 
-def _say_positions(photographs: Path) -> bool:
-    """Whether the photographs have positions."""
+def _have_positions(photographs: Path) -> bool:
+    """Whether one of the photographs has a position."""
     from aatri.formats.parts.format import Reading
     from aatri.formats.registry.sources import read_source
     from aatri.progress import SILENT
 
-    has_positions = bool(read_source(photographs, Reading(format="photos"), SILENT).exterior)
-    if not has_positions:
-        narrate("the photographs have no positions: a free model, without a place and a scale (`datum: free`)")
-    return has_positions
+    return bool(read_source(photographs, Reading(format="photos"), SILENT).exterior)
 
 
 def demo_path() -> Path:

@@ -260,9 +260,10 @@ def _stages(block: Block, options: list[str], *, measured: bool) -> str:
         return _of_network(_has_datum(block))
     if _has_start(block):
         return with_options(WITH_START + ACCURACY, [*["datum: minimal"] * (not _has_datum(block)), *options])
-    if (block.images.strip >= 0).all() and _has_datum(block):
-        return with_options(OF_STRIPS.replace(UNCORRECTED, "") if measured else OF_STRIPS, options) + ACCURACY
-    return with_options(OF_GRAPH + ACCURACY, [*["datum: free"] * (not _has_datum(block)), *options])
+    by_strips = (block.images.strip >= 0).all() and _has_datum(block)
+    stages = OF_STRIPS if by_strips else OF_GRAPH
+    stages = stages.replace(UNCORRECTED, "") if measured else stages
+    return with_options(stages + ACCURACY, [*["datum: free"] * (not _has_datum(block)), *options])
 
 
 def _of_network(has_datum: bool) -> str:

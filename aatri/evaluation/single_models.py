@@ -33,6 +33,9 @@ CHUNK = 4_000
 PAIRS_AT_ONCE = 500
 """Pairs of images restituted by one thread at a time: some 100,000 points."""
 
+CHUNKS_A_THREAD = 50
+"""Chunks for which a thread of their own pays: more than `PAIRS_AT_ONCE` have, which are a thread's already."""
+
 NEXT, AFTER = [1, 2, 0], [2, 0, 1]
 """Cyclic successors of the three coordinates, for the cofactors of a matrix."""
 
@@ -83,7 +86,7 @@ def intersected(poses: Poses, rays: ModelRays, start_m: Float) -> tuple[Float, F
             X[chunk], w[chunk] = _least_squares(pair, start_m[chunk].T)
             parallax[chunk] = _y_parallax(pair, axes[rays.model[chunk]].transpose(1, 2, 0))
 
-    in_threads(-(-len(X) // CHUNK), chunks, worth=1)
+    in_threads(-(-len(X) // CHUNK), chunks, worth=CHUNKS_A_THREAD)
     return X, w, parallax
 
 

@@ -81,7 +81,7 @@ def write_report(run: Path, angles: str = "", in_memory: Mapping[str, Any] = {})
     angles = angles or angles_of(run)
     with angles_in(angles):
         seen, around = seen_in(run, in_memory)
-        contents = contents_of(seen, around)
+        contents = page_contents(seen, around)
         html = render(seen, around, contents)
     pictures = {answer.name: [picture.name for picture in answer.pictures] for answer in contents.answers}
     text = json.dumps(OURS_AS_JSON | {"angles": angles} | contents.first_page | {"pictures": pictures}, indent=1)
@@ -140,7 +140,7 @@ class Contents:
     stages: Sequence[tuple[StageView, PageSection]]
 
 
-def contents_of(run: RunView, around: Surroundings, *, stages: bool = True) -> Contents:
+def page_contents(run: RunView, around: Surroundings, *, stages: bool = True) -> Contents:
     """What the page of a run says; of its stages, where they are asked for, in a thread of their own."""
     with ThreadPoolExecutor(1) as beside:
 

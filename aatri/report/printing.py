@@ -9,7 +9,7 @@ from pathlib import Path
 from aatri.errors import ResourceError
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.inside import on_disk
-from aatri.report.page import angles_of, contents_of, refuse_others, render, seen_in
+from aatri.report.page import angles_of, page_contents, refuse_others, render, seen_in
 from aatri.report.view.numbers import angles_in
 
 BROWSERS = (
@@ -44,7 +44,7 @@ def write_pdf(run: Path, *, summary: bool = False) -> Path:
     refuse_others(run, (name,))
     with angles_in(angles_of(run)):
         seen, around = seen_in(run)
-        contents = contents_of(seen, around, stages=not summary)
+        contents = page_contents(seen, around, stages=not summary)
         page = render(seen, around, contents, printed=True, summary=summary)
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder, "report.html"), Path(folder, "report.pdf")

@@ -71,7 +71,7 @@ def put(artifact: Artifact, path: Path, warnings: Sequence[str] = ()) -> str:
     ResourceError
         If the file cannot be written whole (disk full, permission).
     """
-    with _writing(path):
+    with _on_disk("cannot write", path, "free space or use --into"):
         in_memory = size_of(artifact) <= IN_MEMORY_BYTES
         driver = {"driver": "core", "backing_store": False} if in_memory else {}
         with ThreadPoolExecutor(1) as hashing, h5py.File(path, "w-", libver=_LIBVER, **driver) as file:
@@ -110,21 +110,22 @@ def read_back(artifact: Artifact, path: Path) -> None:
     ResourceError
         If it differs, or cannot be read.
     """
-    with _writing(path), h5py.File(path, "r") as file:  # its own file, which holds what the guard lets pass
+    damaged = _on_disk("cannot be read back", path, "check the disk")
+    with damaged, h5py.File(path, "r") as file:  # its own file, which holds what the guard lets pass
         same = same_content(artifact, _read(file, type(artifact), str(path)))
     if not same:
         raise ResourceError("reads back differently from what was written", where=str(path), remedy="check the disk")
 
 
 @contextmanager
-def _writing(path: Path) -> Iterator[None]:
+def _on_disk(what: str, path: Path, remedy: str) -> Iterator[None]:
     """Errors of a disk as ResourceError."""
     try:
         yield
     except ArtifactError:
         raise
     except (OSError, RuntimeError) as error:  # h5py tells of a failed close as RuntimeError
-        raise ResourceError(f"cannot write: {error}", where=str(path), remedy="free space or use --into") from error
+        raise ResourceError(f"{what}: {error}", where=str(path), remedy=remedy) from error
 
 
 def read(path: Path, cls: type[A], only: Collection[str] | None = None) -> A:

@@ -139,15 +139,22 @@ def test_photographs_without_positions_are_adjusted_as_a_free_model(tmp_path: Pa
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("in_strips", [True, False])
 @pytest.mark.parametrize(("coordinates", "corrected"), [("comparator", True), ("photo", False)])
 def test_of_a_block_folder_the_corrections_are_those_of_block_yaml(
-    tmp_path: Path, coordinates: str, corrected: bool
+    tmp_path: Path, coordinates: str, corrected: bool, in_strips: bool
 ) -> None:
     """Photo coordinates are reduced already; comparator coordinates and pixels nobody has corrected."""
     flight = {"strips": 2, "images_per_strip": 3, "cross_strips": 0}
     block = simulated(5, preset="rc30", flight=flight, ties={"new_points": 40}, known={"full": 6})
     cameras = replace(block.cameras, image_coordinates=np.array([coordinates]))
-    write_block(replace(block, cameras=cameras), tmp_path / "film")
+    images = block.images if in_strips else replace(block.images, strip=np.full(6, -1, dtype=np.int32))
+    write_block(replace(block, cameras=cameras, images=images), tmp_path / "film")
     made = CliRunner().invoke(app, ["new", str(tmp_path / "p"), "--from", str(tmp_path / "film")])
-    refined = (tmp_path / "p" / "pipeline.yaml").read_text().partition("refined:")[2].partition("models:")[0]
+    refined = (
+        (tmp_path / "p" / "pipeline.yaml")
+        .read_text()
+        .partition("refined:")[2]
+        .partition("\n  models:" if in_strips else "\n  initial:")[0]
+    )
     assert ("false" not in refined) == corrected, made.stderr

@@ -36,6 +36,21 @@ from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import AdjustedBlock, Key, with_keys
 from aatri.progress import Reporter
 
+CHAINS: tuple[Ordering, ...] = ("across_strips", "along_strips")
+"""Orders of elimination of the textbook."""
+
+MOST_CHOSEN = 3000
+"""Points whose covariances with each other are kept: their matrix takes 650 MB, and as much again while it is made."""
+
+NEW_POINTS, CHECK_POINTS, LEFT_OUT = "new", "check", "left_out"
+
+PREDICTED = 1e-6
+"""Redundancy in every direction from which on the others predict a control point."""
+
+MOST_COUNTED, MOST_WITH_TESTS = 5_000, 200_000
+"""Points beyond which independent errors are many and their count not worth its time, or, where observations are
+tested, its memory."""
+
 
 def uncontrolled_of(result: BundleResult) -> Uncontrolled | None:
     """Observations in use with a direction whose redundancy number is below 0.01.
@@ -101,9 +116,6 @@ def _place_of(observed: list[Observed], key: Key) -> tuple[Observed, int]:
     return next((o, int(np.argmax(has))) for o in observed if (has := with_keys(o, [key])).any())
 
 
-CHAINS: tuple[Ordering, ...] = ("across_strips", "along_strips")
-
-
 def report_orderings(done: AdjustedBlock, used: Ordering, reporter: Reporter) -> Orderings | None:
     """Compare the order in use with those of the textbook, in the log and as a table; None without images."""
     problem, numbering = done.result.adjusted.problem, done.inputs.numbering
@@ -143,10 +155,6 @@ def _described(f: OrderingFigures, textbook: int | None, one_front: bool) -> str
         f"{f.ordering}{', one front' if one_front else ''}: {band if f.ordering in CHAINS else ''}"
         f"border {f.border_unknowns}, {f.stored:,} elements stored, {f.flops / 1e9:.3g} Gflop"
     )
-
-
-MOST_POINTS = 3000
-"""The matrix of so many points takes 650 MB, and as much again while it is made."""
 
 
 def chosen_points(block: Block, patterns: Sequence[str]) -> Int:
@@ -190,9 +198,9 @@ def point_covariances(
     n = len(rows)
     if not n:
         return None
-    if n > MOST_POINTS:
+    if n > MOST_CHOSEN:
         raise ResourceError(
-            f"covariances between {n} points, more than {MOST_POINTS}",
+            f"covariances between {n} points, more than {MOST_CHOSEN}",
             where="options of bundle_adjustment/bundle: point_covariances",
             remedy="choose fewer points by their ids",
         )
@@ -206,15 +214,6 @@ def point_covariances(
         Q[absent[:, None, :, None] | absent[None, :, None, :]] = np.nan
     first, second = np.triu_indices(n)
     return PointCovariances(rows[first].astype(np.int32), rows[second].astype(np.int32), Q[first, second])
-
-
-NEW_POINTS, CHECK_POINTS, LEFT_OUT = "new", "check", "left_out"
-
-PREDICTED = 1e-6
-"""Redundancy in every direction from which on the others predict a control point."""
-
-MOST_POINTS, MOST_WITH_TESTS = 5_000, 200_000
-"""Beyond this the errors are many and the count not worth its time, or, where observations are tested, its memory."""
 
 
 def independent_errors_table(block: Block, result: BundleResult, *, tests: bool) -> IndependentErrors | None:
@@ -232,7 +231,7 @@ def independent_errors_table(block: Block, result: BundleResult, *, tests: bool)
     variance = np.einsum("nii->ni", result.covariances[POINT])
     determined = np.isfinite(variance) & (variance > 0) & np.isfinite(result.xyz_m)
     adjusted = result.adjusted
-    most = MOST_WITH_TESTS if tests else MOST_POINTS
+    most = MOST_WITH_TESTS if tests else MOST_COUNTED
     if not determined.any() or len(determined) > most or result.free is not None or adjusted.down_weighted:
         return None
     result, none = replace(result, adjusted=with_factor(adjusted)), np.zeros_like(variance)

@@ -108,6 +108,11 @@ class Factored:
     root: tuple[Float, Float, Float] | None = None
     """Of a part: what all parts together give, `cost` is theirs; front of its root with gradient and diagonal."""
 
+    def clear(self) -> None:
+        """Give back the room of the factor, and of the front of a part's root."""
+        self.factor.clear()
+        self.root = None
+
     @property
     def decrease(self) -> float:
         """Decrease of the cost by the linear model but for the damping: the Newton decrement squared."""

@@ -30,7 +30,8 @@ STRETCH = 40_000
 """Rays that one thread works on at a time."""
 
 SHARES = 8
-"""Parts of the sums over rays that are not made front by front."""
+"""Parts in which sums over all rays are made, whatever the number of threads, so that they have the same bits: most
+threads that they use, each with a vector of all kept unknowns."""
 
 PARALLEL_FLOPS = 1e9
 """Problems with less work than this run in one thread: others would mostly wait."""

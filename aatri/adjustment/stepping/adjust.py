@@ -111,7 +111,7 @@ def adjust_large(
     history = list[Step]()
     redundancy = counts(here.problem)[2]
     if (latest := kept.latest(here)) is not None:
-        here.factored.factor.clear()
+        here.factored.clear()
         here, history, notes = latest
     for iteration in itertools.count(len(history) + 1):
         problem, factored = here.problem, here.factored
@@ -133,7 +133,7 @@ def adjust_large(
             break
         by_chord = chord and _is_near(history)
         if not by_chord:
-            factored.factor.clear()  # no later use; the next factorisation needs the room
+            factored.clear()  # no later use; the next factorisation needs the room
         here = following(here, trial, step, joint_veto, reporter, by_chord=by_chord)
         here, more = with_runaways_slowed(here)
         history[-1] = replace(history[-1], strayed=here.strayed)

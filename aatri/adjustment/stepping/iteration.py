@@ -90,6 +90,8 @@ def following(
             next_ = factorise_constrained(then, trial)
         if not refused:
             return IterationState(then, trial, next_, damping)
+    if by_chord:
+        factored.clear()  # there is no room for two
     for bold in (True, False) if damping.value > 0.0 else (True,):
         after = all_steadied(problem, trial) if bold and not problem.constraints else trial
         cost = _cost(here, after, cost_of(problem, after))
@@ -152,6 +154,7 @@ def with_runaways_slowed(here: IterationState) -> tuple[IterationState, list[Not
     hold = problem.hold.copy()
     hold[lost] = HOLD * _size(problem, here.state, lost)[:, None, None] * np.eye(3)
     slowed = replace(problem, hold=hold)
+    here.factored.clear()
     factored = factorise_constrained(slowed, here.state, here.factored.damping)
     return replace(here, problem=slowed, factored=factored), [note]
 

@@ -90,7 +90,7 @@ def impossible_positions(position_m: Float, control_height_m: Float) -> dict[int
     if above > LEVEL_FLIGHT * spread[2]:
         is_around = control_height_m.max() > middle[2] - 0.5 * above
         low = xyz[:, 2] < ground_m + LOW_POSITION * above
-        if is_around or low.sum() > 1:
+        if is_around or low.sum() > 1:  # images around an object, or a lower flight
             low = xyz[:, 2] < control_height_m.min()
         for k in np.flatnonzero(low).tolist():
             reasons.setdefault(k, f"height of {xyz[k, 2]:.4g} m, that of the others is {middle[2]:.4g} m")

@@ -168,6 +168,8 @@ def columns_named(text: str) -> ListColumns:
             what = f"columns: {word!r} is no column and no preset{did_you_mean(name, [*WORDS, *PRESETS])}"
             raise SpecError(what, remedy=f"columns are {', '.join(WORDS)}, and -; presets {', '.join(PRESETS)}")
     fault = _fault(columns)
+    if "um" in (units.get("x"), units.get("y")):
+        fault = "image coordinates in um; give them in px or in mm"
     if fault:
         raise SpecError(f"columns: {fault}", remedy="`image X Y Z omega phi kappa`, `point X Y Z`, `image point x y`")
     return columns

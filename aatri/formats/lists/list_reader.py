@@ -172,8 +172,8 @@ class _Rows:
         above = enumerate(lines[: self.rows[0].line - 1], 1)
         before = [" ".join(text.split()) for k, text in above if text.strip() and k != header]
         skipped = [f"not read, before the first row: {clipped(' | '.join(before), 200)}"] if before else []
-        if "mm" in self.columns.in_image.values():
-            angles = ", image coordinates in mm from the image centre, y up"
+        if self.columns.in_image.get("x") == "mm":
+            angles += ", image coordinates in mm from the image centre, y up"
         read = [f"columns read as {' '.join(self.columns.words)}{angles}"]
         return [*read, *(f"line {row.line}: {text}" for row, text in zip(first, shown)), *skipped]
 
@@ -201,9 +201,12 @@ class _Rows:
             parts.pixel_axes = PHOTO_MM
         parts.image_points = {"image": self.texts("image"), "point": self.texts("point"), "xy": xy, **at}
         if "sx" in self.at:
-            unit = self.columns.in_image.get("sx", units[0])
-            sigma = self.numbers("sx", "sy" if "sy" in self.at else "sx")
-            parts.image_points["sigma_px" if unit == "px" else "sigma_mm"] = sigma * (1e-3 if unit == "um" else 1.0)
+            names = ("sx", "sy" if "sy" in self.at else "sx")
+            of_sigma = [self.columns.in_image.get(name, units[0]) for name in names]
+            if (of_sigma[0] == "px") != (of_sigma[1] == "px"):
+                raise self.rows[0].error(f"sx in {of_sigma[0]} and sy in {of_sigma[1]}", "give both in px or in mm")
+            scale = [1e-3 if unit == "um" else 1.0 for unit in of_sigma]
+            parts.image_points["sigma_px" if of_sigma[0] == "px" else "sigma_mm"] = self.numbers(*names) * scale
 
     def _ground(self, parts: BlockParts, chosen: list[int], xyz: Float, sigma: Float, at: dict[str, list[int]]) -> None:
         points = self.texts("point")

@@ -158,19 +158,26 @@ def _without_misfits(block_strips: StripsOfBlock, joining: Joining, oriented: Or
 
 
 def _without_camera(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
-    """The same without the strips of one camera, as few as can be, where the others fit: its c may stretch them."""
+    """The same without the strips of one camera, as few as can be, where the others fit: its c may stretch them.
+
+    None where there is no other camera.
+    """
     table, block = block_strips.strips.strip_images, block_strips.ground.block
     camera = block.images.camera[table.image]
-    fitting = list[tuple[int, int, OrientedStrips]]()
-    for k in np.unique(camera).tolist():
+    fitting, cameras = list[tuple[int, int, OrientedStrips]](), np.unique(camera).tolist()
+    for k in cameras if len(cameras) > 1 else ():
         without = _tried(block_strips, replace(joining, left_out=tuple(np.unique(table.strip[camera == k]).tolist())))
         if without is not None and (notes := _fitting(block_strips, without)) is not None:
             fitting.append((without.strips, k, without.with_notes(notes)))
     if not fitting:
         return None
     _, k, without = max(fitting, key=lambda one: one[0])
-    text = "strips of different cameras contradict each other; those of one are left out: check principal distances"
-    return without.with_notes([Note("warning", text, (str(block.cameras.id[k]),))])
+    names = block_strips.strips.strips.id[np.unique(table.strip[camera == k])].tolist()
+    text = (
+        f"strips of different cameras contradict each other; those of camera {block.cameras.id[k]} are left out here: "
+        "check the principal distances"
+    )
+    return without.with_notes([Note("warning", text, tuple(map(str, names)))])
 
 
 def _without_positions(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:

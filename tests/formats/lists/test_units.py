@@ -45,6 +45,7 @@ REFUSED = [
     ("point,X [mm],Y [mm],Z [mm]\nP,1,2,3\n", ":1: X in mm"),
     ("point,X (ft),Y (ft),Z (ft)\nP,1,2,3\n", ":1: X in ft"),
     ("image,point,x_mm,y\na,P,1,2\n", ":2: x in mm and y in px"),
+    ("image,point,x_mm,y_mm,sx_um,sy_px\na,P,1,2,3,4\n", ":2: sx in um and sy in px"),
 ]
 
 
@@ -54,3 +55,11 @@ def test_units_that_a_column_cannot_have_are_refused(tmp_path: Path, text: str, 
     path.write_text(text)
     with pytest.raises(AatriError, match=message):
         read_list(path, Reading())
+
+
+def test_standard_deviations_have_each_its_own_unit_and_coordinates_in_um_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "list.csv"
+    path.write_text("image,point,x_mm,y_mm,sx_um,sy_mm\na,P,1,2,4,0.008\n")
+    np.testing.assert_allclose(read_list(path, Reading()).image_points["sigma_mm"], [[0.004, 0.008]], atol=1e-12)
+    with pytest.raises(AatriError, match="image coordinates in um"):
+        read_list(path, Reading(columns="image point x_um y_um sx_um sy_um"))

@@ -63,6 +63,19 @@ def test_clean_images_and_wrong_numbers_are_no_noise() -> None:
     assert _factors(_with_noise(1.0, 0)) == {}
 
 
+def test_an_image_apart_is_no_part_of_a_noisy_strip() -> None:
+    """Five of six images of a strip err, one of them in a class of its own: the strip's class is the others'."""
+    parts, noisy = made_bundle(), np.arange(1, 6)
+    rays, rng, n = parts.rays, np.random.default_rng(3), len(parts.image_ids)
+    size = np.where(np.isin(rays.image, noisy), 6.0, 0.0)[:, None] * rays.sigma_mm
+    block = replace(parts, rays=replace(rays, xy_mm=rays.xy_mm + size * rng.normal(size=size.shape))).together()
+    strip = np.where(np.arange(n) < 6, "s", [f"other {k}" for k in range(n)])
+    classes = Scaling.of(block).classes
+    number = classes.with_images(block.observed, np.array([1]), "image 1").number
+    result = _least_squares(block, AdjustOptions())
+    assert 1 not in noisiest_images(result, None, number, ((1,),), strip)
+
+
 def test_classes_of_an_image_are_parts_of_the_class_of_their_points() -> None:
     block = made_bundle().together()
     scaling = Scaling.of(block)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aatri.adapters.bundle import bundle_tables
 from aatri.adjustment.elimination.panels import PanelsInFile
 from aatri.adjustment.parts import adjust
 from aatri.adjustment.stepping import adjusted
@@ -83,6 +84,15 @@ def test_conjugate_gradients_give_the_direct_solution(chain: Chain, reference: S
     assert np.isnan(found.points.covariance_m2).all()
     assert np.isnan(found.images.covariance).all()
     assert any("no standard deviations: exact covariances need the factor" in warning for warning in told.warnings)
+
+
+@pytest.mark.slow
+def test_covariances_of_more_points_than_memory_is_meant_for_are_refused(
+    chain: Chain, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bundle_tables, "MOST_CHOSEN", 3)
+    with pytest.raises(ResourceError, match="more than 3"):
+        _adjusted(chain, point_covariances=["*"])
 
 
 @pytest.mark.slow

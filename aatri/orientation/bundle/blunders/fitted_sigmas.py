@@ -106,8 +106,8 @@ class FittedSigmas(Rejections):
     ) -> tuple[Scaling, Float]:
         """With what the residuals ask for, and the factors that this changes by.
 
-        Small kinds come after the others, whose errors would be taken for theirs, and where none of these is far out;
-        none by `most`.
+        Small kinds come after the others, whose errors would be taken for theirs, and where none of these is far out.
+        Nothing of them changes where one would by a factor of `most` or more.
         """
         scaling, factor = self.scaling.after(scales)
         if tested is None or tested.low_redundancy or (factor != 1.0).any():

@@ -28,7 +28,9 @@ SUSPICIOUS = 1.5
 APART = 10.0
 """So much that the others no longer follow the image; what it is in the end its residuals tell."""
 
-MOST_OF_STRIP = 2 / 3
+MOST_OF_STRIP, MOST_OF_BLOCK = 2 / 3, 0.5
+"""Of the images of a strip, so many are suspicious where it is the strip that errs; of the images of a block that are
+more, it is the others that are better than usual."""
 
 LEAST_REDUNDANCY = 5.0
 """Of an image, for a suspicion. Apart it has that of a resection, and counts if this is enough to tell a scale."""
@@ -39,7 +41,7 @@ NOISY = 1.6 / 0.6
 weighted like others."""
 
 NOISY_STRIP = 1.6
-"""Of most images of a strip together: they are not all the worst of one flight."""
+"""The worst of an ordinary flight by itself, as above: most images of a strip together are not all the worst of it."""
 
 MISNAMED = 50.0
 """Points so much farther off have other points' numbers, or an image another's: errors of half a millimetre where 10 um
@@ -86,7 +88,8 @@ def noisiest_images(
             squares += np.bincount(image, np.einsum("nk,nk->n", v, v), n_images)
             parts.append((v, r, image))
     large = (squares > SUSPICIOUS**2 * redundancy) & (redundancy >= LEAST_REDUNDANCY)
-    large[[k for images in apart for k in images]] = False
+    is_apart = np.isin(np.arange(n_images), [k for images in apart for k in images])
+    large &= ~is_apart
     v, r, image = (np.concatenate(values) for values in zip(*(_of_images(*part, large) for part in parts)))
     freedom = EFFICIENCY * np.maximum(redundancy, 1.0)
     by_chance = np.sqrt(chdtri(freedom, ALARM / max(n_images, 1)) / freedom)
@@ -99,8 +102,9 @@ def noisiest_images(
     noisiest = np.argsort(-scale, kind="stable")[: int(scale.any())]
     if strip is None or not len(noisiest) or not strip[noisiest[0]]:
         return noisiest
-    of_strip = np.flatnonzero((strip == strip[noisiest[0]]) & (redundancy > 0))
-    is_strip = (scale[of_strip] > 0).mean() >= MOST_OF_STRIP and len(of_strip) <= 0.5 * np.count_nonzero(redundancy)
+    of_strip = np.flatnonzero((strip == strip[noisiest[0]]) & (redundancy > 0) & ~is_apart)
+    most_images = MOST_OF_BLOCK * np.count_nonzero(redundancy)
+    is_strip = (scale[of_strip] > 0).mean() >= MOST_OF_STRIP and len(of_strip) <= most_images
     return of_strip if is_strip else noisiest
 
 

@@ -187,7 +187,8 @@ def _scale_together(result: BundleResult, place: int, number: Int) -> tuple[floa
         return 1.0, 0.0
     record = np.repeat(np.arange(len(rows)), records.rows)[used]
     v, _ = residuals_and_redundancy(observations, result.adjusted.state, rows)
-    r = 1.0 - np.einsum("nii->ni", observations.covariance[rows])  # as small as it is
+    r = 1.0 - np.einsum("nii->ni", observations.covariance[rows])
+    r = np.maximum(r, np.finfo(float).eps)  # however little controls them; below it is rounding
     of_others = largest_gain_beside(result, place)
     if not may_differ(v.ravel()[used], r.ravel()[used], record, of_others):
         return 1.0, 0.0  # not even one by one: another factor of the normal equations is saved
@@ -283,10 +284,18 @@ class Scaling:
         if not of_result:
             text = "tests of gross errors are made with standard deviations that fit the residuals, times those given"
             return [Note("note", text, (*changed_classes, *(f"{name} {f:.3g}" for name, f in of_images)))]
-        text = (
-            "{}: its errors are {:.3g} times those of others, and it is weighted so; is it blurred, or measured badly? "
-        )
-        notes = [Note("warning", f"{text.format(name, f)}measure it again") for name, f in of_images]
+        text = "{}: its errors are {:.3g} times those of others, and it is weighted so; {}"
+        asked = [
+            "is it blurred, or measured badly? measure it again"
+            if least == NOISY
+            else "is it of another film, camera or scanner? give its image points standard deviations of their own"
+            for least in self.classes.least
+        ]
+        notes = [
+            Note("warning", text.format(name, f, question))
+            for name, f, question in zip(self.classes.names[n:], beside[n:].tolist(), asked)
+            if f != 1.0
+        ]
         if not changed_classes:
             return notes
         unchanged_classes = list(dict.fromkeys(name for name, f in factors if f == 1.0))
