@@ -43,11 +43,12 @@ def lens_correction(block: Block, image: Int, xy_mm: Float) -> tuple[Float, tupl
     correction = np.zeros_like(xy_mm)
     camera = block.images.camera[image]
     notes: list[Note] = []
-    for k in np.unique(camera):
-        distortion = distortion_of(block, int(k))
-        of_camera = camera == k
+    cameras = np.flatnonzero(np.bincount(camera)).tolist()
+    for k in cameras:
+        distortion = distortion_of(block, k)
+        of_camera = slice(None) if len(cameras) == 1 else camera == k
         try:
-            notes += _checked_corners(block, int(k), distortion)
+            notes += _checked_corners(block, k, distortion)
             correction[of_camera] = by_rows(partial(_correction, distortion), xy_mm[of_camera])
         except AatriError as error:
             raise type(error)(error.what, where=f"camera {block.cameras.id[k]}", remedy=error.remedy) from error
@@ -224,7 +225,8 @@ def systematically_corrected(
     requested, notes = _to_apply(block, image_points, requested)
     m = image_points.measurements
     xy = m.xy_mm.copy()
-    rows = np.isfinite(xy).all(axis=1)
+    finite = finite_rows(xy)
+    rows = slice(None) if finite.all() else finite  # which copies nothing
     image = m.image[rows]
     largest, stations = [], None
     for name in requested:

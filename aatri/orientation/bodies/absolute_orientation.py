@@ -158,10 +158,7 @@ def _without_misfits(block_strips: StripsOfBlock, joining: Joining, oriented: Or
 
 
 def _without_camera(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
-    """The same without the strips of one camera, as few as can be, where the others fit: its c may stretch them.
-
-    None where there is no other camera.
-    """
+    """The same without the strips of one of several cameras, as few as can be, where the others fit."""
     table, block = block_strips.strips.strip_images, block_strips.ground.block
     camera = block.images.camera[table.image]
     fitting, cameras = list[tuple[int, int, OrientedStrips]](), np.unique(camera).tolist()
@@ -173,10 +170,8 @@ def _without_camera(block_strips: StripsOfBlock, joining: Joining) -> OrientedSt
         return None
     _, k, without = max(fitting, key=lambda one: one[0])
     names = block_strips.strips.strips.id[np.unique(table.strip[camera == k])].tolist()
-    text = (
-        f"strips of different cameras contradict each other; those of camera {block.cameras.id[k]} are left out here: "
-        "check the principal distances"
-    )
+    text = f"strips of different cameras contradict each other; left out are those of camera {block.cameras.id[k]}, "
+    text += "whose principal distance may be wrong"
     return without.with_notes([Note("warning", text, tuple(map(str, names)))])
 
 

@@ -43,6 +43,12 @@ weighted like others."""
 NOISY_STRIP = 1.6
 """The worst of an ordinary flight by itself, as above: most images of a strip together are not all the worst of it."""
 
+ASKED = {
+    NOISY: "is it blurred, or measured badly? measure it again",
+    NOISY_STRIP: "is it of another film, camera or scanner? give its image points standard deviations of their own",
+}
+"""What a warning asks of an image, and of a strip."""
+
 MISNAMED = 50.0
 """Points so much farther off have other points' numbers, or an image another's: errors of half a millimetre where 10 um
 are usual."""

@@ -24,7 +24,7 @@ from aatri.notes import Note
 from aatri.observations.observed import Observed, full_whitener
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput, ImageGroups
-from aatri.orientation.bundle.blunders.noisy_images import APART, NOISY, NOISY_STRIP, is_of_images
+from aatri.orientation.bundle.blunders.noisy_images import APART, ASKED, NOISY, NOISY_STRIP, is_of_images
 from aatri.orientation.bundle.blunders.tested_block import (
     is_prior,
     largest_gain_beside,
@@ -36,7 +36,6 @@ from aatri.orientation.bundle.variance_groups import with_factor
 
 SETTLED = 1.1
 """A scale in use that changes by less than this factor stays."""
-
 
 MOST_TOGETHER = 150
 """Components of a kind up to which its residuals are looked at together: with more it has redundancy enough."""
@@ -285,17 +284,8 @@ class Scaling:
             text = "tests of gross errors are made with standard deviations that fit the residuals, times those given"
             return [Note("note", text, (*changed_classes, *(f"{name} {f:.3g}" for name, f in of_images)))]
         text = "{}: its errors are {:.3g} times those of others, and it is weighted so; {}"
-        asked = [
-            "is it blurred, or measured badly? measure it again"
-            if least == NOISY
-            else "is it of another film, camera or scanner? give its image points standard deviations of their own"
-            for least in self.classes.least
-        ]
-        notes = [
-            Note("warning", text.format(name, f, question))
-            for name, f, question in zip(self.classes.names[n:], beside[n:].tolist(), asked)
-            if f != 1.0
-        ]
+        noisy = zip(self.classes.names[n:], beside[n:].tolist(), self.classes.least)
+        notes = [Note("warning", text.format(name, f, ASKED[least])) for name, f, least in noisy if f != 1.0]
         if not changed_classes:
             return notes
         unchanged_classes = list(dict.fromkeys(name for name, f in factors if f == 1.0))
