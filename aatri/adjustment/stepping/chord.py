@@ -21,7 +21,8 @@ from aatri.adjustment.elimination.fronts import own_normals
 from aatri.adjustment.elimination.joint import joined
 from aatri.adjustment.elimination.panels import up_the_tree
 from aatri.adjustment.elimination.schedule import Stretch, in_shares
-from aatri.adjustment.kernels.gradient import reduced_gradient
+from aatri.adjustment.kernels.block_factors import block_factors
+from aatri.adjustment.kernels.implicit import onto_kept
 from aatri.adjustment.structure.index import part_columns
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.threads import one_blas_thread
@@ -85,7 +86,7 @@ def _of_rays(
     problem: IndexedProblem, state: State, own: tuple[Float, Float], factors: tuple[Float, Float, Float]
 ) -> tuple[Float, float]:
     """Gradient of the kept unknowns (n_kept,) and sum of squares of all rays; fills in the factors of the blocks."""
-    rays, fill = problem.rays, problem.ray_lane(state)
+    rays, fill, (L, y, determined) = problem.rays, problem.ray_lane(state), factors
     assert rays is not None
 
     def one(stretches: Sequence[Stretch]) -> tuple[Float, float]:
@@ -93,9 +94,10 @@ def _of_rays(
         for stretch in stretches:
             for p0, p1, v, A, B in linearised(problem, fill, stretch):
                 base, last = int(rays.ray_start[p0]), int(rays.ray_start[p1])
-                place = (problem.ray_columns[base:last], rays.parts.size, rays.parts.start)
-                rows = (p0, p1, base, rays.ray_start, v, A, B, *place, *own, problem.block_free)
-                cost += reduced_gradient(*rows, gradient, *factors)
+                place, free = (p0, p1, base, rays.ray_start), problem.block_free
+                cost += block_factors(*place, v, B, *own, free, L, y, determined)
+                columns = (problem.ray_columns[base:last], rays.parts.size, rays.parts.start)
+                onto_kept(*place, A, B, *columns, free, L, v, y, gradient)
         return gradient, cost
 
     parts = in_shares(problem, one)
