@@ -257,6 +257,10 @@ SIGMAS_LEVEL, SIGMAS_FACTOR, LEAST_KIND_REDUNDANCY = 1e-3, 2.0, 2.0
 """Probability that a block with right standard deviations is told of a wrong kind; factor by which they must be wrong:
 less is left to variance components; redundancy below which a kind is not tested, where chance reaches any factor."""
 
+FAR_MORE_EXACT = 100.0
+"""Standard deviation of an image point on the ground over that of control or positions, from which these are told.
+Surveys of an image block are 1 to 20 times as exact as an image point."""
+
 OTHER_LEVER_ARM = 0.01
 """Probability by which a lever arm that is right in another unit or with other signs is not named as such."""
 

@@ -18,7 +18,7 @@ from aatri.checks.after.left_out import left_out, left_out_alike
 from aatri.checks.after.parameters import moved_cameras, parameter_findings
 from aatri.checks.after.rejections import two_objects
 from aatri.checks.after.sigma0 import sigma0
-from aatri.checks.after.sigmas import sigmas_that_do_not_fit
+from aatri.checks.after.sigmas import more_exact_than_images, sigmas_that_do_not_fit
 from aatri.checks.after.terrain import points_off_the_terrain
 from aatri.checks.after.weak_datum import weak_datum
 from aatri.checks.at_start.attitude_convention import attitude_conventions
@@ -77,6 +77,7 @@ def findings_after(
         *exchanged_marks(source.block, source.image_points, result.poses, result.xyz_m),
         *sigma0(result, max_sigma0, done.scale, cause, with_cause=with_cause),
         *([] if explained else sigmas_that_do_not_fit(result)),
+        *more_exact_than_images(inputs, result, done.scale),
         *weak_datum(inputs, result, done.scale),
         *error_budget(source.block, result),
         *hinge_images(inputs),

@@ -8,7 +8,8 @@ wrong by a unit pass its test: those of control in mm taken as m, positions that
 
 Seen: standard deviations in another unit, or claimed too good; sigma0 of the block hardly moves.
 Test: chi-square of s^2 at 1e-3 over the number of kinds, of those that are wrong by a factor of two or more: smaller
-ones are left to variance components.
+ones are left to variance components. Control and positions `FAR_MORE_EXACT` times as exact as an image point is on the
+ground have no redundancy to test: image points cannot tell an error of theirs below their own.
 
 Source: Foerstner 1979 (redundancy numbers of groups); Kraus, Photogrammetry, weights of groups of observations.
 """
@@ -20,9 +21,17 @@ from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.global_test import GlobalTest, global_test
 from aatri.checks.finding import Finding
-from aatri.checks.limits import COMPUTED, LEAST_KIND_REDUNDANCY, SIGMAS_FACTOR, SIGMAS_LEVEL
+from aatri.checks.limits import COMPUTED, FAR_MORE_EXACT, LEAST_KIND_REDUNDANCY, SIGMAS_FACTOR, SIGMAS_LEVEL
+from aatri.observations.control import KIND as CONTROL
+from aatri.observations.observed import NEARLY_EXACT
 from aatri.observations.poses import POINT, POSE
+from aatri.observations.positions import KIND as POSITION
+from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.seen_distances import on_ground_m
+from aatri.units import about
+
+UNIT = "check `units.sigma_ground` and the standard deviations; 0 is exact"
 
 
 def sigmas_that_do_not_fit(result: BundleResult) -> list[Finding]:
@@ -48,6 +57,31 @@ def sigmas_that_do_not_fit(result: BundleResult) -> list[Finding]:
         findings.append(
             Finding("sigmas", "warning", text, remedy, where=kind, statistic=squares, significance=chance, rows=rows)
         )
+    return findings
+
+
+def more_exact_than_images(inputs: BundleInput, result: BundleResult, scale: float = 1.0) -> list[Finding]:
+    """A warning for control and positions so exact that image points check nothing of it.
+
+    Parameters
+    ----------
+    scale : float
+        Of the standard deviations of image points in use over those given.
+    """
+    on_ground, findings = scale * on_ground_m(inputs.rays, inputs.poses, inputs.xyz_m), list[Finding]()
+    for adjusted in result.observations:
+        kind, sigma_m = adjusted.observed.kind, adjusted.records.sigmas()[adjusted.used]
+        sigma_m = sigma_m[np.isfinite(sigma_m) & (sigma_m > 1.01 * NEARLY_EXACT)]
+        if kind not in (CONTROL, POSITION) or not len(sigma_m):
+            continue
+        ratio = on_ground / float(np.median(sigma_m))
+        if ratio > FAR_MORE_EXACT:
+            text = f"standard deviations are {about(float(np.median(sigma_m)))} in the median, an image point has "
+            text += (
+                f"{about(on_ground)} on the ground, {ratio:.0f} times as much: errors of {kind} below that are in no "
+            )
+            text += "standard deviation of the result, and no test sees them"
+            findings.append(Finding("sigmas", "warning", text, UNIT, where=kind, statistic=ratio))
     return findings
 
 

@@ -19,7 +19,7 @@ from aatri.observations.poses import POINT
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
-from aatri.orientation.bundle.seen_distances import median_distance_m
+from aatri.orientation.bundle.seen_distances import on_ground_m
 from aatri.units import about
 
 REMEDY = "give control spread over the block; join strips by more points; weight parameters that free each other"
@@ -33,15 +33,12 @@ def weak_datum(inputs: BundleInput, result: BundleResult, scale: float = 1.0) ->
     scale : float
         Of the standard deviations of image points in use, which the covariances follow, over those given.
     """
-    distance, adjusted = median_distance_m(inputs.rays, inputs.poses, inputs.xyz_m), result.adjusted
-    if distance is None or inputs.rays is None:
-        return []
+    on_ground, adjusted = scale * on_ground_m(inputs.rays, inputs.poses, inputs.xyz_m), result.adjusted
     tied = any(o.used.any() for o in result.observations if o.observed.kind in (CONTROL, POSITION))
     if not adjusted.has_factor or POINT not in result.covariances or not (tied or result.free is None):
         return []
-    angle = np.nanmedian(inputs.rays.sigma_mm / inputs.rays.c_mm[:, None])
     sigma = np.sqrt(np.einsum("nii->n", result.point_covariance_m2) / 3)
-    sigmas, on_ground = sigma[np.isfinite(sigma) & (sigma > 0)], scale * float(angle) * distance
+    sigmas = sigma[np.isfinite(sigma) & (sigma > 0)]
     most = float(np.quantile(sigmas, WEAK_SHARE)) if len(sigmas) else 0.0
     if not np.isfinite(on_ground) or most <= WEAK_DATUM * on_ground:
         return []

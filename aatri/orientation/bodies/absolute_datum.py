@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,9 +29,10 @@ from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
 from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.components import TIE_LIMIT, Component, FreeBlock
 from aatri.orientation.bodies.control_by_rays import ControlByRays, control_by_rays
+from aatri.orientation.bodies.datum_analysis import OpenDatumError
 from aatri.orientation.bodies.deformation import distance_m, expected_ratio, search_notes
 from aatri.orientation.bodies.free_body import FreeBody
-from aatri.orientation.bodies.ground_observed import HARDLY, GroundObserved, oriented_by, with_level_images
+from aatri.orientation.bodies.ground_observed import BEGUN_LEVEL, HARDLY, GroundObserved, oriented_by, with_level_images
 from aatri.orientation.bodies.neighbouring_bodies import beside_neighbours, oriented_together
 from aatri.orientation.bodies.one_left_out import oriented_by_the_others
 
@@ -187,14 +189,20 @@ def part_notes(part: OrientedPart) -> list[Note]:
     return notes
 
 
-def levelled_part(
-    block_strips: StripsOfBlock, free: FreeBlock, component: Component, what: str, settings: OrientationSettings
-) -> OrientedPart | None:
-    """A component that nothing but its turn about a line is open of, as images look down; None if more is open.
+def begun_part(
+    block_strips: StripsOfBlock,
+    free: FreeBlock,
+    component: Component,
+    failure: GeometryError,
+    how: tuple[str, OrientationSettings],
+) -> tuple[OrientedPart, list[Note]] | None:
+    """A component that is not determined, as a bundle may begin; None if that is not known either.
 
-    Points that it shares with others, too few to join it, and rays of single images to control hold it all the same:
-    the bundle takes them up. Without any it stays open.
+    Nothing but its turn about a line is open of it, its images look down, and points that it shares with others, too
+    few to join it, or rays of single images to control hold it: the bundle takes them up. Or all that is observed of
+    it together hardly determines it.
     """
+    what, settings = how
     ground, rays = block_strips.ground, block_strips.rays
     image = free_images(block_strips.strips, component)[2]
 
@@ -204,13 +212,17 @@ def levelled_part(
 
     others = [shown(c) for c in free.components if c is not component]
     control = block_strips.control_beside(component)
-    if not np.isin(shown(component), np.concatenate([control, *others])).any():
-        return None
     level = replace(block_strips, ground=with_level_images(ground, image))
-    try:
-        return oriented_part(level, component, what, settings)[0]
-    except (ConvergenceError, GeometryError):
+    if np.isin(shown(component), np.concatenate([control, *others])).any():
+        with contextlib.suppress(ConvergenceError, GeometryError):
+            text = f"{failure.what}; {BEGUN_LEVEL}"
+            return oriented_part(level, component, what, settings)[0], [Note("warning", text)]
+    if not isinstance(failure, OpenDatumError):  # something is rejected, which a weak datum would not contradict
         return None
+    with contextlib.suppress(ConvergenceError, GeometryError):
+        part, notes = oriented_part(block_strips, component, what, replace(settings, weakest=HARDLY))
+        return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]
+    return None
 
 
 def _body(block: Block, strips: Strips, component: Component) -> FreeBody:

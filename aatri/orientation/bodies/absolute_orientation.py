@@ -16,7 +16,7 @@ from aatri.orientation.bodies.absolute_datum import (
     Failed,
     OrientedPart,
     StripsOfBlock,
-    levelled_part,
+    begun_part,
     oriented_part,
     part_notes,
     parts_together,
@@ -26,7 +26,6 @@ from aatri.orientation.bodies.absolute_datum import (
 )
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
 from aatri.orientation.bodies.ground_fit import distant_start, fit_notes, height_notes, misfitting_strips
-from aatri.orientation.bodies.ground_observed import BEGUN_LEVEL
 from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
 
 MISFIT_SHARE = 4
@@ -55,7 +54,7 @@ class Joining:
     left_out: tuple[int, ...] = ()
     """Strips that are left out."""
     level: bool = False
-    """What is open of a component by its turn about a line alone begins level."""
+    """What is open of a component by its turn about a line alone, or hardly determined, may begin a bundle."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +116,7 @@ def orient_strips(block_strips: StripsOfBlock, joining: Joining, *, max_sigma0: 
 
 
 def _levelled(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
-    """The same, and components of which nothing but a turn about a line is open, level; None where none is so."""
+    """The same, and components that are hardly determined, or level where a turn about a line is open; else None."""
     level = None if joining.every_component else _tried(block_strips, replace(joining, level=True))
     notes = None if level is None else _fitting(block_strips, level)
     return None if level is None or notes is None else level.with_notes(notes)
@@ -259,12 +258,11 @@ def _joined_and_oriented(
             part, more = oriented_part(block_strips, component, what, settings)
         except (ConvergenceError, GeometryError) as error:
             may_begin = joining.level and isinstance(error, GeometryError)
-            level = levelled_part(block_strips, free, component, what, settings) if may_begin else None
-            if level is None:
+            begun = begun_part(block_strips, free, component, error, (what, settings)) if may_begin else None
+            if begun is None:
                 failed.append((component, what, error))
                 continue
-            text = f"{error.what}; {BEGUN_LEVEL}"
-            part, more = level, [Note("warning", text)]
+            part, more = begun
         parts.append(part)
         notes += more
     others = failed if weakly or not any(free.weak) else []

@@ -23,6 +23,14 @@ def median_distance_m(rays: ImagePointRows | None, poses: Poses, xyz_m: Float) -
     return float(np.median(np.linalg.norm(away, axis=1))) if len(away) else None
 
 
+def on_ground_m(rays: ImagePointRows | None, poses: Poses, xyz_m: Float) -> float:
+    """Standard deviation of an image point on the ground, across its ray, median, m; NaN where nothing tells it."""
+    distance_m = median_distance_m(rays, poses, xyz_m)
+    if rays is None or distance_m is None:
+        return float("nan")
+    return float(np.nanmedian(rays.sigma_mm / rays.c_mm[:, None])) * distance_m
+
+
 def seen_distances_m(rays: ImagePointRows | None, poses: Poses, xyz_m: Float) -> Float:
     """Median depth of the points that each image sees, (n_images,), m; 0 where none lies before it."""
     n = len(poses.position_m)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
@@ -182,10 +183,30 @@ def test_strips_whose_positions_leave_a_turn_open_hold_each_other(once: bool, le
     assert (off < 4 * sigma).all()
 
 
-def test_strips_without_a_common_point_stay_open() -> None:
+def test_strips_without_a_common_point_begin_by_what_hardly_determines_them() -> None:
+    """Three positions some metres off a line: the bundle tells how well that turns a strip about it."""
     block, points, strips = apart(0)
-    with pytest.raises(GeometryError, match="rotation about the line"):
-        similarity(block, strips, points)
+    told = Told()
+    initial = similarity(block, strips, points, context=told)
+    named = [text for text in told.warnings if text.startswith("hardly determined, errors are magnified")]
+    assert len(named) == 2
+    assert all("rotation about the line" in text for text in named)
+    done = bundle(block, points, initial, context=told)
+    assert any(text.startswith("hardly determined: ") for text in told.warnings)
+    off = done.points.xyz_m - block.true_points.xyz_m
+    C = done.points.covariance_m2
+    known = np.isfinite(off).all(axis=1) & np.isfinite(C).all(axis=(1, 2))
+    assert np.sqrt(np.einsum("nii->n", C[known])).max() > 1.0
+    square = np.einsum("ni,ni->n", off[known], np.linalg.solve(C[known], off[known][..., None])[..., 0])
+    assert square.max() < chi2.isf(1e-4 / known.sum(), 3)
+
+
+def test_a_single_position_places_no_strip() -> None:
+    """Then more is open than any bundle could begin from."""
+    block, _, strips = apart(0)
+    lone = replace(block, exterior=block.exterior.take(np.array([0, 3])))
+    with pytest.raises(GeometryError, match="not determined"):
+        similarity(lone, strips, affine(lone))
 
 
 @pytest.mark.slow
