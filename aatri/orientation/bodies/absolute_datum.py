@@ -193,7 +193,7 @@ def begun_part(
     block_strips: StripsOfBlock,
     free: FreeBlock,
     component: Component,
-    failure: GeometryError,
+    failure: GeometryError | ConvergenceError,
     how: tuple[str, OrientationSettings],
 ) -> tuple[OrientedPart, list[Note]] | None:
     """A component that is not determined, as a bundle may begin; None if that is not known either.
