@@ -2,7 +2,8 @@
 
 Seen: images that could not be used, marks that do not fit, a transformation that is too simple for the film, film that
 is deformed by more than film is, scans that are turned against the others.
-Test: sigma0 of all images pooled, by chi-square, and of single images at the level 0.05 / count; the rest by limits.
+Test: sigma0 of all images pooled, by chi-square, and of single images at the level 0.05 / count; the rest by limits. An
+image that cannot be used is left out by name; where more than half cannot, the marks as such are wrong.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,7 +15,7 @@ from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.checks.finding import Finding, Level
-from aatri.checks.limits import LARGEST_SHEAR, MAX_REJECT_SHARE, TOO_SIMPLE
+from aatri.checks.limits import LARGEST_SHEAR, TOO_SIMPLE
 from aatri.errors import GeometryError
 from aatri.ids import several, shown
 from aatri.orientation.interior.fiducial_fit import FiducialFit, fewest_marks, fit_fiducials, snooped_fiducials
@@ -22,7 +23,7 @@ from aatri.orientation.interior.film_deformation import scales_and_shear, shear_
 
 
 def film(block: Block, marks: FilmMarks, fit: FiducialFit, unusable: Mapping[int, str]) -> list[Finding]:
-    """What the marks of the film images show; an error alone where too many images are not used.
+    """What the marks of the film images show; an error alone where more images are not used than used.
 
     Parameters
     ----------
@@ -30,7 +31,7 @@ def film(block: Block, marks: FilmMarks, fit: FiducialFit, unusable: Mapping[int
         Rows of the marks, and why their images have no interior orientation.
     """
     reasons = tuple(f"{block.images.id[marks.image[k]]} ({reason})" for k, reason in unusable.items())
-    if len(reasons) > MAX_REJECT_SHARE * len(marks.image):
+    if 2 * len(reasons) > len(marks.image):
         return [_too_many(marks, fit, reasons)]
     usable = ~np.isin(np.arange(len(marks.image)), list(unusable))
     return list(_findings(block, marks, fit, usable, reasons))

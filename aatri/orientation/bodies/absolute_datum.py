@@ -194,7 +194,8 @@ def begun_part(
     free: FreeBlock,
     component: Component,
     failure: GeometryError | ConvergenceError,
-    how: tuple[str, OrientationSettings],
+    what: str,
+    settings: OrientationSettings,
 ) -> tuple[OrientedPart, list[Note]] | None:
     """A component that is not determined, as a bundle may begin; None if that is not known either.
 
@@ -202,7 +203,6 @@ def begun_part(
     few to join it, or rays of single images to control hold it: the bundle takes them up. Or all that is observed of
     it together hardly determines it.
     """
-    what, settings = how
     ground, rays = block_strips.ground, block_strips.rays
     image = free_images(block_strips.strips, component)[2]
 

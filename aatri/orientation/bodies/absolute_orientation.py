@@ -258,7 +258,7 @@ def _joined_and_oriented(
             part, more = oriented_part(block_strips, component, what, settings)
         except (ConvergenceError, GeometryError) as error:
             may_begin = joining.level and isinstance(error, GeometryError)
-            begun = begun_part(block_strips, free, component, error, (what, settings)) if may_begin else None
+            begun = begun_part(block_strips, free, component, error, what, settings) if may_begin else None
             if begun is None:
                 failed.append((component, what, error))
                 continue

@@ -1,4 +1,4 @@
-"""An interior orientation with too few parameters, or of pixels the other way, is told; no mark is blamed alone."""
+"""Film that cannot be used is left out or an error; too few parameters, or pixels the other way, are told."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from aatri.errors import GeometryError, InputError
 from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.interior_orientation.similarity import similarity
-from tests.stages.film_blocks import Told, flown, with_marks
+from tests.stages.film_blocks import Told, flown, with_marks, without_marks
 from tests.stages.initial_orientation.unordered import SMALL_UAV, simulated
 
 
@@ -59,3 +59,15 @@ def test_points_that_count_from_the_middle_and_lie_outside_are_not_told_to_turn_
     with pytest.raises(InputError, match="outside the format") as raised:
         calibrated(replace(aerial, cameras=centred, image_points=replace(m, xy=xy)))
     assert raised.value.remedy.startswith("check the camera's format")
+
+
+@pytest.mark.parametrize("lacking", [1, 5, 6])
+def test_images_without_marks_are_left_out_and_an_error_where_they_are_most(block: Block, lacking: int) -> None:
+    some, told = without_marks(block, block.fiducial_points.image < lacking), Told()
+    if lacking > 5:
+        with pytest.raises(GeometryError, match="6 of 10 film images") as caught:
+            affine(some)
+        assert block.images.id[4] in caught.value.what
+        return
+    np.testing.assert_array_equal(affine(some, context=told).interior.image, np.arange(lacking, 10))
+    assert all(any(name in text for text in told.warnings) for name in block.images.id[:lacking])
