@@ -19,8 +19,7 @@ from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.arrays import Float, Int, Text
-from aatri.observations.image_point_rows import ImagePointRows
-from aatri.observations.image_points import observed_image_points
+from aatri.observations.image_points import ImagePointRows, observed_image_points
 from aatri.observations.poses import Poses
 from aatri.observations.positions import Positions, observed_positions
 from aatri.orientation.bundle.adjust import adjust_bundle

@@ -54,7 +54,7 @@ def edit(
     from aatri.artifacts.block import Block
     from aatri.artifacts.solution import Solution
     from aatri.cli.arguments.locate import find_run
-    from aatri.formats.edits.edits_file import read_edits, write_edits
+    from aatri.formats.edits.edit import read_edits, write_edits
     from aatri.formats.edits.proposals import proposals
     from aatri.pipeline.store import run_folder as store
 

@@ -9,9 +9,8 @@ from typing import Annotated, TypeAlias
 
 import typer
 
-from aatri.cli.arguments.choice import complete, listed, one_of
 from aatri.cli.arguments.completion import complete_new_variant, complete_path
-from aatri.cli.arguments.options import SourceSettings
+from aatri.cli.arguments.options import SourceSettings, complete, listed, one_of
 from aatri.cli.new_from_text import ACCURACY, HEAD, OF_GRAPH, WITH_START, of_matched, path_from, with_options
 from aatri.cli.terminal.console import narrate, reports_errors, say
 from aatri.errors import ResourceError, SpecError
@@ -186,7 +185,7 @@ def _refuse_as_a_run(pipeline: Path) -> None:
 
     The pipeline stays, as an option or an edit in it may be the remedy.
     """
-    from aatri.cli.block_reading import block_reading
+    from aatri.cli.check import block_reading
     from aatri.pipeline.methods.catalogue import Catalogue
     from aatri.pipeline.methods.compile_kernels import without_compiler
     from aatri.pipeline.plan.graph import wire

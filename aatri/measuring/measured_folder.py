@@ -19,8 +19,7 @@ from aatri.errors import Faults, InputError, raise_all
 from aatri.formats.tables.cameras import camera_tables
 from aatri.formats.tables.covariances import read_covariances
 from aatri.formats.tables.geographic import with_metric_frame
-from aatri.formats.tables.ground import ground_point_columns
-from aatri.formats.tables.portable import without_bodies
+from aatri.formats.tables.ground import ground_point_columns, without_bodies
 from aatri.formats.tables.settings.reading import read_settings
 from aatri.formats.tables.source import Source
 from aatri.formats.text.text_file import missing

@@ -28,9 +28,8 @@ from aatri.arrays import Float, Int, Text, finite_rows
 from aatri.geometry.collinearity import in_image_axes, project_derivatives
 from aatri.geometry.plane_transformations import open_basis
 from aatri.geometry.rotations import skew
-from aatri.observations.camera_models import CameraRows, compared, known_beforehand
-from aatri.observations.collinearity_lane import compiled_lane, side_veto
-from aatri.observations.coordinates import observed_priors
+from aatri.observations.collinearity_lane import CameraRows, compared, compiled_lane, known_beforehand, side_veto
+from aatri.observations.given_coordinates import observed_priors
 from aatri.observations.image_point_rows import ImagePointRows, LinearCorrection
 from aatri.observations.observed import Names, ObservationSource, Observed
 from aatri.observations.parameters import ParameterRows, parameter_unknowns

@@ -8,7 +8,7 @@ heights of a statoscope, are compared in its coordinates (`given_coordinates`). 
 projection centre in the axes of the camera; zero where the projection centre itself was observed. Coordinates of
 variance zero are exact: constraints, whatever the arm. The arm is unknown where the block says so (`carried_vectors`),
 shift s and drift of a group, of the block, of a strip or of a flight (`drift`) run along the axes of the block, and dt
-is estimated where the options say so (`exposure_time`). Source: docs/formulas.md 5.2, 5.3.
+is estimated where the options say so (`carried_vectors`). Source: docs/formulas.md 5.2, 5.3.
 """
 
 from __future__ import annotations
@@ -28,9 +28,8 @@ from aatri.codes import ANTENNA, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.geometry.rotations import skew
 from aatri.ids import shown
-from aatri.observations.carried_vectors import ARMS, LEVER_ARM
+from aatri.observations.carried_vectors import ARMS, LEVER_ARM, offset_unknowns, velocities
 from aatri.observations.drift import DRIFT, SharedUnknowns, drift_term, group_times, observed_with_terms, time_notes
-from aatri.observations.exposure_time import offset_unknowns, velocities
 from aatri.observations.given_coordinates import GivenCoordinates, given_coordinates, in_own_axes
 from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.parameters import uses_of_vector

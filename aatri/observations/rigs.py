@@ -30,7 +30,7 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Float, Int, finite_rows
 from aatri.geometry.rotations import angle_axes, exp_rotation, left_jacobian, log_rotation, skew
-from aatri.observations.coordinates import observed_priors
+from aatri.observations.given_coordinates import observed_priors
 from aatri.observations.observed import ObservationSource, Observed, named
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.options import Options

@@ -8,8 +8,13 @@ from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.errors import SpecError
 from aatri.ids import did_you_mean
-from aatri.report.drawing.charts import groups_chart, iterations_chart, redundancy_chart, sigma0_chart
-from aatri.report.drawing.matrices import correlation_pictures
+from aatri.report.drawing.matrices import (
+    correlation_pictures,
+    groups_chart,
+    iterations_chart,
+    redundancy_chart,
+    sigma0_chart,
+)
 from aatri.report.drawing.network import ellipses_picture, network_picture
 from aatri.report.drawing.picture import Picture
 from aatri.report.drawing.plan import block_plan
@@ -26,8 +31,8 @@ from aatri.report.drawing.vectors import error_field_pictures
 from aatri.report.facts import has_scale
 from aatri.report.sections import calibration, evaluation, network, observations, reliability, solution
 from aatri.report.sections.block import camera_tables
+from aatri.report.sections.observations import proposed_numbers_table, suspects_tables
 from aatri.report.sections.parts import PageSection, Surroundings, present
-from aatri.report.sections.suspects import proposed_numbers_table, suspects_tables
 from aatri.report.sections.tables import accuracy_table
 from aatri.report.sections.tie_points import tie_point_pictures, weakest_images
 from aatri.report.view.run_view import RunView

@@ -22,7 +22,7 @@ from aatri.checks.as_read.screening import FEW_POINTS, OUTSIDE, REJECTED_IMAGE, 
 from aatri.checks.limits import SAME_POINT_SIGMAS
 from aatri.formats.merging.merged import merged as merged_blocks
 from aatri.formats.merging.names import RenamingOptions, renamed
-from aatri.formats.merging.reconciliation import Conflicts, Duplicates
+from aatri.formats.merging.rows import Conflicts, Duplicates
 from aatri.formats.merging.source import block_from
 from aatri.plugin import SILENT, Context, Field, InputPath, stage
 

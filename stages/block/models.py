@@ -13,7 +13,7 @@ from aatri.artifacts.block import CONTROL, Block
 from aatri.checks.as_read.values import wrong_values
 from aatri.checks.finding import report
 from aatri.formats.edits.edited import edited
-from aatri.formats.pairs.models import read_models
+from aatri.formats.pairs.reader import read_models
 from aatri.ids import several, shown
 from aatri.plugin import SILENT, Context, Field, InputPath, stage
 

@@ -11,12 +11,12 @@ import pytest
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, poses_into
 from aatri.artifacts.block import Block
 from aatri.geometry.rotations import exp_rotation
-from aatri.observations.angle_differences import ObservedAngles
 from aatri.observations.attitudes import (
     ATTITUDE_DRIFT,
     BORESIGHT,
     AttitudeOptions,
     Attitudes,
+    ObservedAngles,
     attitude_records,
     attitudes,
 )

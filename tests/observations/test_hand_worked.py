@@ -18,7 +18,7 @@ from aatri.adjustment.records import (
     whitened,
 )
 from aatri.camera.models import calibration
-from aatri.observations.coordinates import value_records
+from aatri.observations.given_coordinates import value_records
 from aatri.observations.image_point_rows import ImagePointRows, LinearCorrection
 from aatri.observations.image_points import CameraRows, _of_rays, film_correction, image_point_records, side_veto
 from aatri.observations.kernels.collinearity import in_front

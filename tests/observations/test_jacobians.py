@@ -8,8 +8,8 @@ import pytest
 from aatri.adjustment.records import predicted
 from aatri.camera.models import calibration
 from aatri.geometry.rotations import rotation_from_angles, skew
-from aatri.observations.camera_models import CameraRows, known_beforehand
-from aatri.observations.coordinates import value_records
+from aatri.observations.collinearity_lane import CameraRows, known_beforehand
+from aatri.observations.given_coordinates import value_records
 from aatri.observations.image_point_rows import ImagePointRows, LinearCorrection
 from aatri.observations.image_points import film_correction, image_point_records, side_veto
 from aatri.observations.poses import ADDITIONAL, CAMERA, FILM, POINT, POSE, Poses

@@ -12,9 +12,8 @@ from aatri.artifacts.solution import Solution
 from aatri.codes import ANTENNA
 from aatri.errors import InputError
 from aatri.geometry.rotations import rotation_from_angles, skew
-from aatri.observations.carried_vectors import ARMS, LEVER_ARM
+from aatri.observations.carried_vectors import ARMS, EXPOSURE_TIME, LEVER_ARM, offset_unknowns
 from aatri.observations.drift import DRIFT, SharedUnknowns, drift_term
-from aatri.observations.exposure_time import EXPOSURE_TIME, offset_unknowns
 from aatri.observations.poses import POSE, Poses
 from aatri.observations.positions import PositionOptions, Positions, drift_groups, observed_positions, positions_of
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle

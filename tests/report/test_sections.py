@@ -13,9 +13,9 @@ from aatri.ids import amounts, natural_order
 from aatri.report.drawing.scales import length_text
 from aatri.report.sections.calibration import parameter_tables
 from aatri.report.sections.evaluation import point_tables
+from aatri.report.sections.observations import suspects_tables, uncontrolled_counts
 from aatri.report.sections.reliability import groups, reliability_tables
 from aatri.report.sections.solution import orientations
-from aatri.report.sections.suspects import suspects_tables, uncontrolled_counts
 from aatri.report.sections.tables import lengths, observation_classes
 from aatri.report.verdict import _far_off
 from aatri.report.view.numbers import estimate, number

@@ -10,8 +10,7 @@ from aatri.errors import ArtifactError
 from aatri.geometry.rotations import exp_rotation
 from aatri.ids import rows_of, several
 from aatri.notes import Note
-from aatri.observations.angle_differences import ObservedAngles
-from aatri.observations.attitudes import ground_of_angles
+from aatri.observations.attitudes import ObservedAngles, ground_of_angles
 from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import Poses
 from aatri.orientation.network.start import NetworkObservations, approximate_coordinates

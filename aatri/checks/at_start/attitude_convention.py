@@ -29,9 +29,8 @@ from aatri.checks.limits import (
     WRONG_ATTITUDES_RAD,
 )
 from aatri.geometry.rotations import exp_rotation, log_rotation, nearest_rotation
-from aatri.observations.angle_differences import whole_differences
 from aatri.observations.attitudes import KIND as ATTITUDE
-from aatri.observations.attitudes import Attitudes, attitudes_of
+from aatri.observations.attitudes import Attitudes, attitudes_of, whole_differences
 from aatri.observations.carried_vectors import BORESIGHT
 from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import POSE

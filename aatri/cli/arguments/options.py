@@ -1,7 +1,12 @@
-"""Arguments and options that several verbs have, as annotations of their parameters: `json: AsJson = False`."""
+"""Arguments and options that several verbs have, as annotations of their parameters: `json: AsJson = False`.
 
+Of an argument that is one of a few names the nearest is told where it is none; the shell completes them.
+"""
+
+from collections.abc import Callable
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated, TypeAlias, TypeVar
 
 import typer
 
@@ -15,6 +20,9 @@ from aatri.cli.arguments.completion import (
     complete_variant,
     one_of_words,
 )
+from aatri.ids import clipped, did_you_mean
+
+Names = TypeVar("Names", bound=StrEnum)
 
 FOLDER = "stages"
 ROTATIONS = ("omega-phi-kappa", "phi-omega-kappa", "yaw-pitch-roll")
@@ -86,6 +94,33 @@ OpenReport: TypeAlias = Annotated[bool, typer.Option("--open", help="Open the re
 NoLock: TypeAlias = Annotated[bool, typer.Option("--no-lock", help="For file systems without locks.")]
 Debug: TypeAlias = Annotated[bool, typer.Option(help="Show tracebacks.")]
 Verify: TypeAlias = Annotated[bool, typer.Option(help="Read every file again instead of trusting size and times.")]
+
+
+def one_of(names: type[Names]) -> Callable[[str], Names]:
+    """A parser of an argument that is one of some names.
+
+    Parameters
+    ----------
+    names : type of StrEnum
+    """
+
+    def parse(text: str) -> Names:
+        values = [name.value for name in names]
+        if text not in values:
+            raise typer.BadParameter(f"{clipped(text)!r} is none of {', '.join(values)}{did_you_mean(text, values)}")
+        return names(text)
+
+    return parse
+
+
+def complete(names: type[StrEnum]) -> Callable[[str], list[str]]:
+    """What the shell offers of the names."""
+    return lambda incomplete: [name.value for name in names if name.value.startswith(incomplete)]
+
+
+def listed(names: type[StrEnum]) -> str:
+    """The names for the help."""
+    return ", ".join(name.value for name in names)
 
 
 def local_stages(asked: bool, pipeline: Path = Path("pipeline.yaml")) -> Path | None:

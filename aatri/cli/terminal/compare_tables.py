@@ -4,8 +4,15 @@ from collections.abc import Sequence
 from typing import Any
 
 from aatri.cli.terminal.console import say, say_table
-from aatri.pipeline.plan.compare import Compared, metric_rows, relative_spread
-from aatri.pipeline.plan.compare_axes import Axis, axes, changed_settings, seconds_until
+from aatri.pipeline.plan.compare import (
+    Axis,
+    Compared,
+    axes,
+    changed_settings,
+    metric_rows,
+    relative_spread,
+    seconds_until,
+)
 
 _ACCURACY = {
     "check": "check_rmse_{}_m",

@@ -1,7 +1,7 @@
 """Reading of BlocksExchange XML (.xml, .xmlz), versions 2.1 to 3.2: cameras, poses, control, check and tie points.
 
 Pixels and principal point count from the centre of the first pixel; `xmm`, `ymm` count from the image centre or the
-principal point, along the axes of the camera (`axes`). The distortion is forward, in normalised coordinates:
+principal point, along the axes of the camera (`cameras`). The distortion is forward, in normalised coordinates:
 
     u' = u (1 + K1 r^2 + K2 r^4 + K3 r^6) + 2 P2 u v + P1 (r^2 + 2 u^2),   v' likewise with P1 and P2 exchanged
 
@@ -22,8 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from aatri.codes import APPROXIMATE, CHECK, CONTROL, NO_ROLE
-from aatri.formats.blocksexchange.axes import axes_of, rotation_of
-from aatri.formats.blocksexchange.cameras import XYZ, lens_of, pixels_of, way_of, xyz
+from aatri.formats.blocksexchange.cameras import XYZ, axes_of, lens_of, pixels_of, rotation_of, way_of, xyz
 from aatri.formats.blocksexchange.points import add_tie_points, points_of
 from aatri.formats.blocksexchange.writer import write_blocksexchange
 from aatri.formats.conventions.lens_conversion import camera_parts

@@ -21,8 +21,7 @@ from aatri.artifacts.block import APPROXIMATE, OBSERVED_VALUE, Block
 from aatri.artifacts.builder import Columns, block_of
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.colmap.binary import binary_paths, read_binary
-from aatri.formats.colmap.model import NO_POINT, ColmapCamera, ColmapImage, ColmapModel
-from aatri.formats.colmap.stated import compare_tracks
+from aatri.formats.colmap.model import NO_POINT, ColmapCamera, ColmapImage, ColmapModel, compare_tracks
 from aatri.formats.colmap.text import read_text, text_paths
 from aatri.formats.conventions.lens import COLMAP, Lens
 from aatri.formats.conventions.lens_conversion import camera_columns

@@ -14,8 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from aatri.arrays import Float, Int
-from aatri.formats.colmap.model import MODELS, NAMES, ColmapCamera, ColmapImage, ColmapModel
-from aatri.formats.colmap.stated import compare_count, stated_counts
+from aatri.formats.colmap.model import (
+    MODELS,
+    NAMES,
+    ColmapCamera,
+    ColmapImage,
+    ColmapModel,
+    compare_count,
+    stated_counts,
+)
 from aatri.formats.text.number_text import numbers_of, what_is_wrong, whole_number_of
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, blank_separated

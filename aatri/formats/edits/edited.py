@@ -11,8 +11,7 @@ from aatri.arrays import Int, Text
 from aatri.artifacts.block import APPROXIMATE_VALUE, BY_EDIT, NO_ROLE, Block, Files, Rejects
 from aatri.artifacts.builder import image_point_order
 from aatri.errors import Faults, raise_all
-from aatri.formats.edits.edit import BY_COORDINATE, Edit
-from aatri.formats.edits.edits_file import read_edits
+from aatri.formats.edits.edit import BY_COORDINATE, Edit, read_edits
 from aatri.ids import clipped, did_you_mean, several
 from aatri.progress import Reporter
 

@@ -8,7 +8,7 @@
 
 Image coordinates are mm from the principal point of the fiducials, x right, y up. Nothing published says which way the
 matrices map; writers have ground to image, which is taken unless the lines of the flight show the other
-(`conventions.matrix_sense`) or the user says it. What control points are (their codes), distortions and the fiducials
+(`conventions.poses`) or the user says it. What control points are (their codes), distortions and the fiducials
 of film are published nowhere: they are told, not read.
 
 Source: readers and writers of such files in public; no description of the format is.
@@ -22,8 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from aatri.errors import InputError
-from aatri.formats.conventions.matrix_sense import as_ground_from_image
-from aatri.formats.conventions.poses import is_rotation
+from aatri.formats.conventions.poses import as_ground_from_image, is_rotation
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading
 from aatri.formats.text.text_line import TextLine, places, word_lines

@@ -18,8 +18,7 @@ from aatri.artifacts.block import (
     Images,
     MeasuredPoints,
 )
-from aatri.formats.merging.reconciliation import Reconciliation, apart, mean_of_two
-from aatri.formats.merging.rows import stated, values_equal, with_rows
+from aatri.formats.merging.rows import Reconciliation, apart, mean_of_two, stated, values_equal, with_rows
 from aatri.ids import printable
 from aatri.tables.schema import Table, columns_of
 

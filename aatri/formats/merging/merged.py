@@ -2,7 +2,7 @@
 
 Table by table the rows of a block are looked for among those of the blocks before it, by what identifies them: images,
 points, cameras and strips by their ids, image points by image and point, given coordinates by their point, positions by
-their image. Equal rows count once. Measurements of one thing that agree are averaged, see `reconciliation`; sights on
+their image. Equal rows count once. Measurements of one thing that agree are averaged, see `rows`; sights on
 the ground that differ are further sights. What identifies nothing new but says other things is a conflict. Frame, earth
 curvature and system of rotations have to be the same.
 """
@@ -16,11 +16,17 @@ import numpy as np
 from aatri.arrays import Int
 from aatri.artifacts.block import CONTROL, Block
 from aatri.errors import InputError, raise_all
-from aatri.formats.merging.conditions import merged_conditions
 from aatri.formats.merging.differing import DifferingRows, excluded, exterior, ground, images, measured
-from aatri.formats.merging.reconciliation import Conflicts, Duplicates, Reconciliation
-from aatri.formats.merging.rows import Joined, joined_by, with_rows
-from aatri.formats.merging.taken import TABLE_OF_KIND, in_canonical_order
+from aatri.formats.merging.part import TABLE_OF_KIND, in_canonical_order
+from aatri.formats.merging.rows import (
+    Conflicts,
+    Duplicates,
+    Joined,
+    Reconciliation,
+    joined_by,
+    merged_conditions,
+    with_rows,
+)
 from aatri.ids import amounts, printable, shown
 from aatri.progress import Reporter
 from aatri.tables.schema import columns_of, tables_of

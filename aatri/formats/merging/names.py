@@ -11,7 +11,7 @@ from pydantic import Field
 from aatri.arrays import Bool, Text
 from aatri.artifacts.block import Block
 from aatri.errors import InputError
-from aatri.formats.merging.taken import in_canonical_order
+from aatri.formats.merging.part import in_canonical_order
 from aatri.ids import printable
 from aatri.options import Options
 

@@ -1,19 +1,39 @@
-"""Rows of two tables of one kind, joined by what identifies them."""
+"""Rows of two tables of one kind, joined by what identifies them; what two blocks say of the same thing.
+
+That is the mean of two measurements, or a conflict that is told:
+
+    x = P^-1 (P1 x1 + P2 x2),    P = P1 + P2,    Pi = Ci^-1 on what i has measured, 0 elsewhere
+
+Two measurements within `sigmas` standard deviations of their difference are one thing measured twice, independently;
+beyond that they are a conflict. What is exact in one has to be equal in the other. A measured value goes before a start
+value, a role before none, and what one block has not been given is taken from the other.
+
+Relative control of two blocks: equal conditions count once, those that state other values are conflicts.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from aatri.arrays import Bool, Int
+from aatri.arrays import Bool, Float, Int
+from aatri.artifacts.block import Block, RelativeControl, RelativeControlMembers
+from aatri.errors import Faults
+from aatri.ids import printable, shown
 from aatri.tables.schema import Table, columns_of
 
 T = TypeVar("T", bound=Table)
 
 SAME = 1e-12
 """Relative: figures that were converted, printed and read again."""
+
+Duplicates = Literal["average", "first", "refuse"]
+Conflicts = Literal["refuse", "first"]
+
+Key = tuple[str, str, tuple[tuple[str, str], ...]]
+"""Type, axis and members of a condition."""
 
 
 @dataclass(frozen=True)
@@ -106,3 +126,152 @@ def stated(table: Table, name: str) -> Bool:
         return np.asarray(values != "")
     given = ~np.isnan(values) if values.dtype.kind == "f" else values >= 0
     return np.asarray(given.reshape(len(values), -1).any(axis=1))
+
+
+@dataclass
+class Reconciliation:
+    """What becomes of values in which two blocks differ, and what was told of it."""
+
+    first: str
+    second: str
+    """What the two blocks are called."""
+    duplicates: Duplicates
+    """What becomes of two measurements that agree: their mean, the first, or an error."""
+    conflicts: Conflicts
+    """What becomes of values that exclude each other: an error, or the first goes on with a warning."""
+    sigmas: float
+    """Up to so many standard deviations of their difference two measurements agree."""
+    faults: Faults = field(default_factory=Faults)
+    warnings: list[str] = field(default_factory=list)
+    means: dict[str, list[str]] = field(default_factory=dict)
+    """What was averaged, by kind."""
+
+    def conflict(self, what: str, values: Sequence[Any], where: str = "", more: str = "") -> None:
+        """Two values that exclude each other."""
+        text = f"{what}: {_shown(values[0])} in {self.first}, {_shown(values[1])} in {self.second}{more}"
+        if self.conflicts == "first":
+            self.warnings.append(f"{text}; that of {self.first} holds")
+        else:
+            remedy = "correct one, or give it another id (`prefix`, `rename`); `conflicts: first` takes the first"
+            self.faults.add(text, where, remedy)
+
+    def measured(self, kind: str, name: str, worst: float, where: str) -> bool:
+        """Two measurements, `worst` standard deviations apart: whether they are to be averaged."""
+        if worst > self.sigmas or self.duplicates == "refuse":
+            what = "too far for one thing" if worst > self.sigmas else "`duplicates: refuse`"
+            text = f"{kind} {printable(name)} measured in {self.first} and in {self.second}, "
+            text += f"{worst:.1f} standard deviations of the difference apart ({what})"
+            if worst > self.sigmas and self.conflicts == "first":
+                self.warnings.append(f"{text}; that of {self.first} holds")
+            else:
+                self.faults.add(
+                    text, where, "remove or rename the wrong one, or `duplicates: average` where both are right"
+                )
+            return False
+        if self.duplicates == "average":
+            self.means.setdefault(kind, []).append(printable(name))
+        return self.duplicates == "average"
+
+
+def apart(x: Float, C: Float, used: Bool, other: tuple[Float, Float, Bool]) -> tuple[Float, Bool]:
+    """Differences of the common components in standard deviations, and which common ones are exact in either, (n,)."""
+    y, D, also = other
+    both = used & also
+    variance = np.diagonal(C) + np.diagonal(D)
+    exact = both & ((np.diagonal(C) == 0) | (np.diagonal(D) == 0))
+    normal = both & ~exact
+    sigmas = np.where(normal, np.abs(np.where(both, x - y, 0.0)) / np.sqrt(np.where(normal, variance, 1.0)), 0.0)
+    return sigmas, exact
+
+
+def mean_of_two(x: Float, C: Float, used: Bool, other: tuple[Float, Float, Bool]) -> tuple[Float, Float]:
+    """Weighted mean of two independent measurements and its covariance, each of some components.
+
+    Parameters
+    ----------
+    x : (n,) float64
+    C : (n, n) float64
+    used : (n,) bool
+    other : the same of the second
+        Exact components have to be equal in both.
+
+    Returns
+    -------
+    x : (n,) float64
+        NaN where neither has measured.
+    C : (n, n) float64
+        Zero where exact.
+    """
+    y, D, also = other
+    exact = (used & (np.diagonal(C) == 0)) | (also & (np.diagonal(D) == 0))
+    P, Q = _weights(C, used & ~exact), _weights(D, also & ~exact)
+    free = (used | also) & ~exact
+    mean = np.where(used, x, y)
+    covariance = np.zeros_like(C)
+    if free.any():
+        inside = np.ix_(free, free)
+        covariance[inside] = np.linalg.inv((P + Q)[inside])
+        right = P @ np.where(used, x, 0.0) + Q @ np.where(also, y, 0.0)
+        mean[free] = covariance[inside] @ right[free]
+    return mean, covariance
+
+
+def _weights(C: Float, used: Bool) -> Float:
+    P = np.zeros_like(C)
+    if used.any():
+        inside = np.ix_(used, used)
+        P[inside] = np.linalg.inv(C[inside])
+    return P
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"({', '.join(_shown(v) for v in value.ravel())})"
+    return f"{value:.10g}" if isinstance(value, float) else printable(str(value)) or "none"
+
+
+def merged_conditions(a: Block, b: Block, rules: Reconciliation) -> tuple[RelativeControl, RelativeControlMembers]:
+    """The conditions of both blocks, in canonical order."""
+    first = {key: k for k, key in enumerate(conditions_of(a))}
+    fresh, keys = [], conditions_of(b)
+    for k, key in enumerate(keys):
+        if key not in first:
+            fresh.append(k)
+            continue
+        rows = a.relative_control, b.relative_control
+        values = [(float(r.value[i]), float(r.sigma[i])) for r, i in zip(rows, (first[key], k))]
+        if not np.allclose(values[0], values[1], rtol=SAME, atol=0.0, equal_nan=True):
+            called = f"{key[0]} of {shown([name for _, name in key[2]])}: value and sigma"
+            rules.conflict(called, [np.array(v) for v in values], b.read_at(b.relative_control, k))
+    other = b.relative_control.take(np.array(fresh, dtype=np.intp))
+    other = RelativeControl.of(
+        **{
+            **{name: getattr(other, name) for name in ("type", "value", "sigma", "axis", "line")},
+            "file": np.where(other.file >= 0, other.file + len(a.files), -1),
+        }
+    )
+    return conditions_in_order(a.relative_control.followed_by(other), [*first, *(keys[k] for k in fresh)])
+
+
+def conditions_of(block: Block) -> list[Key]:
+    """What identifies each condition of a block."""
+    rows, members = block.relative_control, block.relative_control_members
+    listed: list[list[tuple[str, str]]] = [[] for _ in range(len(rows))]
+    for k, part, name in zip(members.condition.tolist(), members.part.tolist(), members.id.tolist()):
+        listed[k].append((part, name))
+    return [(t, x, tuple(m)) for t, x, m in zip(rows.type.tolist(), rows.axis.tolist(), listed)]
+
+
+def conditions_in_order(rows: RelativeControl, keys: list[Key]) -> tuple[RelativeControl, RelativeControlMembers]:
+    """Conditions in canonical order, and the table of their members."""
+
+    def order(k: int) -> Any:
+        kind, axis, members = keys[k]
+        named = tuple((part.encode(), name.encode()) for part, name in members)
+        return kind, axis, named, float(np.nan_to_num(rows.value[k], nan=-1.0)), float(rows.sigma[k])
+
+    chosen = sorted(range(len(keys)), key=order)
+    listed = [(row, part, name) for row, k in enumerate(chosen) for part, name in keys[k][2]]
+    return rows.take(np.array(chosen, dtype=np.intp)), RelativeControlMembers.of(
+        condition=[m[0] for m in listed], part=[m[1] for m in listed], id=[m[2] for m in listed]
+    )

@@ -24,9 +24,8 @@ from aatri.codes import CHECK, CONTROL, NO_ROLE
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES, PIXEL_MM
 from aatri.formats.conventions.poses import ground_from_image, is_rotation
-from aatri.formats.metashape.cameras import ImageElement, attitudes_of, cameras_of, rigs_of
+from aatri.formats.metashape.cameras import ImageElement, Sensor, attitudes_of, cameras_of, lens_of, rigs_of, sensors_of
 from aatri.formats.metashape.chunk_frame import ChunkFrame, frame_of_chunk
-from aatri.formats.metashape.sensors import Sensor, lens_of, sensors_of
 from aatri.formats.metashape.tie_points import TiePoints, tie_points_of
 from aatri.formats.metashape.writer import write_metashape
 from aatri.formats.parts.block_parts import BlockParts

@@ -2,10 +2,8 @@
 
 import re
 
-from aatri.formats.opensfm.ground_control import read_ground_control
-from aatri.formats.opensfm.lists import read_gcp_list, read_geo
-from aatri.formats.opensfm.reconstruction import read_reconstruction
-from aatri.formats.opensfm.tracks import read_tracks
+from aatri.formats.opensfm.lists import read_gcp_list, read_geo, read_ground_control
+from aatri.formats.opensfm.reconstruction import read_reconstruction, read_tracks
 from aatri.formats.opensfm.writer import write_opensfm
 from aatri.formats.parts.format import FileView, Format
 

@@ -20,10 +20,19 @@ from aatri.errors import InputError
 from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
-from aatri.formats.opf.captures import Attitude, attitudes_of, in_scene, rigs_of
-from aatri.formats.opf.places import Located, Projected, located, placed, projected_places, scene_of_places
-from aatri.formats.opf.project import PROJECT, OpfProject, SceneFrame
-from aatri.formats.opf.tracks import read_tracks
+from aatri.formats.opf.captures import (
+    Attitude,
+    Located,
+    Projected,
+    attitudes_of,
+    in_scene,
+    located,
+    placed,
+    projected_places,
+    rigs_of,
+    scene_of_places,
+)
+from aatri.formats.opf.project import PROJECT, OpfProject, SceneFrame, read_tracks
 from aatri.formats.opf.writer import write_opf
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading

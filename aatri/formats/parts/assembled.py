@@ -19,12 +19,11 @@ from aatri.camera.models.forward_models import PARAMETERS as FORWARD
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PHOTO_MM, PIXEL_MM, PixelAxes, converted, named
-from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.block_parts import KINDS, BlockParts, Rows, place, rows_of
 from aatri.formats.parts.joined import JoinedParts, joined
 from aatri.formats.parts.not_stated import DEFAULTS, NotStated, stated_frame
 from aatri.formats.parts.of_block import columns_of_frame
 from aatri.formats.parts.one_frame import block_frame, in_frame
-from aatri.formats.parts.rows import KINDS, Rows, place, rows_of
 from aatri.frames.conversion import Frame
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import rows_of as rows_in

@@ -22,8 +22,7 @@ from aatri.arrays import Bool, Text
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.names import OF_IMAGES, OF_POINTS, Step, matched
-from aatri.formats.parts.block_parts import BlockParts
-from aatri.formats.parts.rows import KINDS, Rows, place, rows_of, taken, together, twice
+from aatri.formats.parts.block_parts import KINDS, BlockParts, Rows, place, rows_of, taken, together, twice
 from aatri.ids import shown
 from aatri.progress import Reporter
 

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from aatri.artifacts.block import TRUTH, Block, Frames
-from aatri.formats.parts.block_parts import LOCAL, BlockParts
-from aatri.formats.parts.rows import KINDS
+from aatri.formats.parts.block_parts import KINDS, LOCAL, BlockParts
 from aatri.frames.conversion import Frame
 from aatri.frames.heights import is_tangent_frame
 from aatri.geometry.rotations import rotation_from_angles

@@ -5,7 +5,7 @@
     4F16.12             a23 a31 a32 a33
 
 Read, the records do not say whether the matrix maps image to ground (Rx Ry Rz, as Pix4D and aatri write it) or back:
-the lines of the flight do (`conventions.matrix_sense`), or the user (`maps`). They are start values.
+the lines of the flight do (`conventions.poses`), or the user (`maps`). They are start values.
 
 Written, the matrix is R = Rx(omega) Ry(phi) Rz(kappa), image to ground, x right, y up; coordinates end at 1e-5 m.
 Photos are numbers: where the ids are none, `photos.csv` says which is which.
@@ -20,15 +20,13 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.errors import GeometryError, InputError
-from aatri.formats.conventions.matrix_sense import as_ground_from_image
-from aatri.formats.conventions.poses import is_rotation, stated_rotation
+from aatri.formats.conventions.poses import as_ground_from_image, is_rotation, stated_rotation
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, AS_USUAL, FileView, Format, Reading, Writing
 from aatri.formats.results.exported_files import short_names
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.formats.text.text_file import read_lines
+from aatri.formats.text.text_file import read_lines, write_files
 from aatri.formats.text.text_line import TextLine, blank_separated, places
-from aatri.formats.text.written_files import write_files
 from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
 

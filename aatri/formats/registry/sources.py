@@ -10,8 +10,7 @@ import numpy as np
 
 from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import AatriError, InputError, raise_all
-from aatri.formats.parts.block_parts import PLANE, BlockParts
-from aatri.formats.parts.checked import check_parts
+from aatri.formats.parts.block_parts import PLANE, BlockParts, check_parts
 from aatri.formats.parts.format import FileView, Reading
 from aatri.formats.parts.geoid import with_ellipsoidal_heights
 from aatri.formats.parts.not_stated import stated_frame

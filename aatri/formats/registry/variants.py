@@ -18,9 +18,8 @@ import numpy as np
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.names import OF_IMAGES, OF_POINTS, Step, matched
-from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.block_parts import BlockParts, Rows, rows_of
 from aatri.formats.parts.joined import SAME_M
-from aatri.formats.parts.rows import Rows, rows_of
 from aatri.formats.registry.recognised import Recognised
 from aatri.ids import shown
 from aatri.progress import Reporter

@@ -7,8 +7,8 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.artifacts.block import Cameras, Fiducials
+from aatri.formats.tables.cameras import check_rigs_of_images
 from aatri.formats.tables.columns import FIDUCIALS, IMAGE_POINTS, IMAGES
-from aatri.formats.tables.rigs import check_rigs_of_images
 from aatri.formats.tables.source import Source, look_up, no_repeats, not_negative
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, CsvTable
 from aatri.ids import canonical, clipped, did_you_mean, several, shown

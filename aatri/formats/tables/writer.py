@@ -22,7 +22,7 @@ from aatri.formats.tables.columns import COVARIANCES, TABLES, Stated
 from aatri.formats.tables.ground import ROLES
 from aatri.formats.tables.relative_control import FILE as RELATIVE_CONTROL
 from aatri.formats.tables.relative_control import write_relative_control
-from aatri.formats.tables.settings.writing import settings_text
+from aatri.formats.tables.settings.reading import settings_text
 from aatri.formats.text.csv_cells import shielded
 from aatri.frames.axes import in_order_of
 from aatri.progress import SILENT, Reporter

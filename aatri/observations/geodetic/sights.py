@@ -2,6 +2,13 @@
 
 Stations and targets are ground points or projection centres; an angle has two targets. Every kind of geodetic
 observation is a function of the line in the axes of its station, `aatri.observations.level`.
+
+Values measured along a line (e, n, u) in the axes of its station, with their derivatives by it.
+
+    slope distance       d = |l|                  horizontal distance   s = sqrt(e^2 + n^2)
+    direction, azimuth   t = atan2(e, n)          zenith angle          z = atan2(s, u)
+
+Source: docs/formulas.md 5.4; Kraus, Photogrammetry.
 """
 
 from __future__ import annotations
@@ -24,8 +31,35 @@ from aatri.observations.poses import POINT, POSE, by_unknowns, position
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
 
+
 ALL, PLAN, HEIGHT = (True, True, True), (True, True, False), (False, False, True)
 """Which coordinates of a point an observation can see."""
+
+
+def slope(line: Float) -> tuple[Float, Float]:
+    """Length of the line, m."""
+    length = np.sqrt(np.einsum("ni,ni->n", line, line))
+    return length, line / length[:, None]
+
+
+def horizontal(line: Float) -> tuple[Float, Float]:
+    """Length of the line in the horizon of the station, m."""
+    plan = line * np.array([1.0, 1.0, 0.0])
+    return slope(plan)
+
+
+def bearing(line: Float) -> tuple[Float, Float]:
+    """Angle from north, clockwise, rad."""
+    e, n = line[:, 0], line[:, 1]
+    square = e**2 + n**2
+    return np.arctan2(e, n), np.column_stack([n / square, -e / square, np.zeros_like(e)])
+
+
+def zenith(line: Float) -> tuple[Float, Float]:
+    """Angle from the vertical, rad."""
+    e, n, u = line.T
+    s, square = np.sqrt(e**2 + n**2), (line**2).sum(axis=1)
+    return np.arctan2(s, u), np.column_stack([u * e / s, u * n / s, -s]) / square[:, None]
 
 
 @dataclass(frozen=True)

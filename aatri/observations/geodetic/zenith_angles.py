@@ -15,9 +15,8 @@ from pydantic import Field
 
 from aatri.arrays import Float
 from aatri.notes import Note
-from aatri.observations.geodetic.lengths import horizontal, zenith
-from aatri.observations.geodetic.reduced import NOTED
-from aatri.observations.geodetic.sights import Measured, Sights, observed_sights, sights_of
+from aatri.observations.geodetic.distances import NOTED
+from aatri.observations.geodetic.sights import Measured, Sights, horizontal, observed_sights, sights_of, zenith
 from aatri.observations.level import Level
 from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, position

@@ -12,8 +12,7 @@ import numpy as np
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
 from aatri.observations.geodetic.differences import along, between_coordinates
-from aatri.observations.geodetic.lengths import slope
-from aatri.observations.geodetic.sights import ALL, observed_sights
+from aatri.observations.geodetic.sights import ALL, observed_sights, slope
 from aatri.observations.level import PLANE
 from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT

@@ -17,9 +17,9 @@ from aatri.geometry.similarity import IDENTITY, Similarity
 from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.attitudes import KIND as ATTITUDE
+from aatri.observations.carried_vectors import EXPOSURE_TIME
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.control import control_of, origin_of
-from aatri.observations.exposure_time import EXPOSURE_TIME
 from aatri.observations.geodetic.distances import HORIZONTAL
 from aatri.observations.geodetic.distances import KIND as DISTANCE
 from aatri.observations.kinds import catalogue

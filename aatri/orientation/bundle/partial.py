@@ -22,7 +22,7 @@ from aatri.adjustment.whitening import whitener_of_covariances
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.rotations import log_rotation
 from aatri.notes import Note
-from aatri.observations.coordinates import value_records
+from aatri.observations.given_coordinates import value_records
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import BundleInput

@@ -3,6 +3,7 @@
 An entry is found by all that it follows from: the code reached from the stage and the declaration of its role, the
 options as written, the folder that relative paths refer to, Python and pydantic. What is not found is read from the
 registry, which imports the stage.
+What the planner knows of a variant is plain data, read off its card.
 """
 
 from __future__ import annotations
@@ -21,13 +22,52 @@ from typing import TYPE_CHECKING, Any
 from aatri.errors import Faults
 from aatri.pipeline.methods import discovery
 from aatri.pipeline.methods.code_digest import PACKAGE, Code, CodeReader
-from aatri.pipeline.methods.method import Method, from_plain, method_of
 from aatri.pipeline.spec.pipeline_file import Spec, StageSpec
 from aatri.pipeline.store.cache import Cache, cache_name, file_sha256, of_file
 from aatri.tables.offers import Need
 
 if TYPE_CHECKING:
     from aatri.pipeline.methods.registry import Registry
+    from aatri.plugin import Role, StageCard
+
+
+@dataclass(frozen=True)
+class MethodPort:
+    """A port as a variant asks for it: the kind of artifact and its schema version."""
+
+    name: str
+    kind: str
+    schema: int
+    optional: bool
+
+
+@dataclass(frozen=True)
+class Method:
+    """A variant: what it takes and gives. `role_ports` are all ports of its role, with their kinds."""
+
+    name: str
+    version: int
+    ports: tuple[MethodPort, ...]
+    kind: str
+    schema: int
+    wants_rng: bool
+    role_ports: Mapping[str, str]
+
+    def plain(self) -> dict[str, Any]:
+        """As JSON takes it."""
+        return asdict(self)
+
+
+def method_of(card: StageCard, role: Role) -> Method:
+    """The method of a card."""
+    needs = tuple(MethodPort(p.name, p.kind.kind, p.kind.schema_version, p.optional) for p in card.ports)
+    ports = {name: kind.kind for name, kind in role.ports.items()}
+    return Method(card.name, card.version, needs, card.kind.kind, card.kind.schema_version, card.wants_rng, ports)
+
+
+def from_plain(value: Mapping[str, Any]) -> Method:
+    """The method that `Method.plain` gave."""
+    return Method(**{**value, "ports": tuple(MethodPort(**need) for need in value["ports"])})
 
 
 @dataclass(frozen=True)

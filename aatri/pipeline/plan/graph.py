@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from aatri.errors import Faults, PluginError, SpecError, raise_all
 from aatri.ids import did_you_mean
-from aatri.pipeline.methods.catalogue import Catalogue, Prepared
-from aatri.pipeline.methods.method import Method
+from aatri.pipeline.methods.catalogue import Catalogue, Method, Prepared
 from aatri.pipeline.spec.gates import read_gates
 from aatri.pipeline.spec.pipeline_file import Spec, StageSpec
 

@@ -8,8 +8,8 @@ from aatri.adjustment.statistics.record_tests import BELOW as UNCONTROLLED
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.statistics import rmse_interval
+from aatri.report.sections.observations import uncontrolled_table
 from aatri.report.sections.parts import present
-from aatri.report.sections.suspects import uncontrolled_table
 from aatri.report.sections.tables import LEAST_REDUNDANCY, MOST_ROWS, Columns, PageTable, all_rows, errors, lengths
 from aatri.report.view.numbers import angle_units, in_trade_unit, number, spoken
 from aatri.units import DASH, digits

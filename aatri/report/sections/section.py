@@ -12,8 +12,8 @@ from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
 from aatri.errors import AatriError
 from aatri.report.sections import block, solution, tables
+from aatri.report.sections.observations import suspects_tables, uncontrolled_counts, uncontrolled_table
 from aatri.report.sections.parts import PageSection, Surroundings, present
-from aatri.report.sections.suspects import suspects_tables, uncontrolled_counts, uncontrolled_table
 from aatri.report.sections.tables import Columns, all_rows
 from aatri.report.view.run_view import RunView, StageView
 

@@ -15,9 +15,8 @@ from aatri.artifacts.block_control import Geodetic, GeodeticCovariances, GroundP
 from aatri.artifacts.solution import VarianceComponents
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import AatriError
-from aatri.formats.edits.edit import Edit
+from aatri.formats.edits.edit import Edit, read_edits, write_edits
 from aatri.formats.edits.edited import measured_value, with_edits
-from aatri.formats.edits.edits_file import read_edits, write_edits
 from aatri.formats.edits.proposals import proposals
 from aatri.tables.digest import content_digest
 from tests.stages.chain import simulated

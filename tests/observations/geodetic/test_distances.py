@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.observations.geodetic.lengths import slope
-from aatri.observations.geodetic.sights import Sights, observed_sights
+from aatri.observations.geodetic.sights import Sights, observed_sights, slope
 from aatri.observations.level import PLANE
 from aatri.observations.poses import POINT, POSE, Poses
 from tests.complex_step import complex_step

@@ -12,8 +12,7 @@ from aatri.arrays import finite_rows
 from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity, inverse, transform
 from aatri.observations.control import Control, observed_control
-from aatri.observations.geodetic.lengths import slope
-from aatri.observations.geodetic.sights import Sights, observed_sights
+from aatri.observations.geodetic.sights import Sights, observed_sights, slope
 from aatri.observations.level import PLANE
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses

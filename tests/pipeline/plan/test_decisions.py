@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aatri.errors import SpecError
+from aatri.pipeline.methods.catalogue import Method, MethodPort
 from aatri.pipeline.methods.code_digest import Code
-from aatri.pipeline.methods.method import Method, MethodPort
 from aatri.pipeline.plan.decisions import Decision, Integrity, Selection, State, decide, plan, select
 from aatri.pipeline.plan.graph import StageNode, downstream, upstream
 from aatri.pipeline.plan.keys import key_of, key_parts

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.pipeline.plan.compare import Compared, largest_difference, relative_spread
-from aatri.pipeline.plan.compare_axes import axes, changed_settings
+from aatri.pipeline.plan.compare import Compared, axes, changed_settings, largest_difference, relative_spread
 from aatri.pipeline.plan.keys import file_digests
 from aatri.pipeline.plan.reasons import Reason, Why, differences
 

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from aatri.adapters.ground.initial_solution import left_out_table
 from aatri.artifacts.block import CONTROL, Block, Geodetic
 from aatri.artifacts.solution import Solution
+from aatri.observations.carried_vectors import velocities
 from aatri.observations.control import Control, observed_control
-from aatri.observations.exposure_time import velocities
 from tests.stages.film_blocks import Told
 from tests.stages.initial_orientation.unordered import SMALL_UAV, far_off, initial_of, simulated, without_strips
 
