@@ -17,13 +17,16 @@ from aatri.adjustment.statistics.exchanged import SHARE_REJECTED
 from aatri.adjustment.statistics.record_tests import record_tests
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
+from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.notes import Note
 from aatri.observations.control import KIND as CONTROL
+from aatri.observations.control import control_of
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT
 from aatri.observations.positions import KIND as POSITION
+from aatri.observations.positions import positions_of
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import tests_of
 from aatri.orientation.bundle.groups.candidates import MARK
@@ -162,12 +165,12 @@ def _restated(suspects: Suspects, earlier: Int, later: Suspects) -> Suspects:
 
 
 def inherited(
-    initial: Solution | None, *, taken_back: bool = False, groups_back: bool = True
+    block: Block, initial: Solution | None, *, taken_back: bool = False, groups_back: bool = True
 ) -> tuple[Suspects, list[Note]]:
     """Suspects of earlier stages, and notes of what they have left out.
 
-    Control or positions of which an earlier stage has left out all are used again: they are wrong together, or what
-    they were held against is, and that is for the tests of groups.
+    Control of points, or positions of images, that `initial` places and of which earlier stages have left out all are
+    used again: they are wrong together, or what they were held against is, and that is for the tests of groups.
 
     Parameters
     ----------
@@ -181,7 +184,7 @@ def inherited(
     suspects, notes = initial.suspects, []
     staying, of_block = suspects.staying_out, suspects.row >= 0
     tested_again = (CONTROL, POSITION) if groups_back and not taken_back else ()
-    all_out = [kind for kind in tested_again if _all_left_out(initial, staying, kind)]
+    all_out = [kind for kind in tested_again if _all_left_out(block, initial, staying, kind)]
     of_others = "taken back, for nothing is to be rejected" if taken_back else STAYS_OUT
     for kinds, what in (
         (all_out, "all of their kind, taken back to be tested as a group"),
@@ -195,13 +198,23 @@ def inherited(
     return replace(suspects, verdict=np.where(back, "readmitted", suspects.verdict)), notes
 
 
-def _all_left_out(solution: Solution, staying: Bool, kind: str) -> bool:
-    """Whether several observations of a kind were rejected, and none took part; not two exchanged control points."""
-    error = np.nan_to_num(solution.suspects.error[staying & (solution.suspects.kind == kind)])
+def _all_left_out(block: Block, solution: Solution, staying: Bool, kind: str) -> bool:
+    """Whether all observations of a kind that could take part are rejected, and several; not two exchanged points.
+
+    A stage that does not adjust a kind has no residuals of it: the block tells what could take part.
+    """
+    suspects = solution.suspects.take(staying & (solution.suspects.kind == kind))
+    error = np.nan_to_num(suspects.error)
     sizes = np.linalg.norm(error, axis=1)
     if kind == CONTROL and len(error) == 2 and np.linalg.norm(error.sum(axis=0)) < SHARE_REJECTED * sizes.min():
         return False  # each is off by the way to the other
-    return len(error) > 1 and not len(solution.residuals.used(kind))
+    if kind == CONTROL:
+        of_block = control_of(block)
+        row = of_block.row[np.isfinite(solution.points.xyz_m[of_block.point]).any(axis=1)]
+    else:
+        positions = positions_of(block)
+        row = positions.row[solution.images.oriented[positions.image]]
+    return len(suspects) > 1 and bool(np.isin(row, suspects.row).all())
 
 
 def _verdicts(done: AdjustedBlock, o: Observed, rows: Int) -> Text:

@@ -90,7 +90,7 @@ def adjusted_bundle(
     """Adjust a block, and tell what there is to say of its start."""
     check_same_block(block, image_points=image_points, initial=initial)
     searched = options.blunders.method != "none"
-    suspects, notes = inherited(initial, taken_back=not searched)
+    suspects, notes = inherited(block, initial, taken_back=not searched)
     tell(notes, context)
     chosen = chosen_set(block, options.self_calibration, uses_positions(block, options.positions), calibration)
     parameters = parameters_of(block, image_points, options.interior_unknowns, chosen, calibration)
@@ -115,7 +115,7 @@ def adjusted_bundle(
         tell([Note("note", "attitudes that are named begin as rejected, and come back where they fit")], context)
         doubted = np.concatenate(named)
         inputs, share = inputs_with(suspects, doubted)
-    left_out, _ = inherited(initial, taken_back=not searched, groups_back=False)
+    left_out, _ = inherited(block, initial, taken_back=not searched, groups_back=False)
     staying_out = left_out.verdict != suspects.verdict
     adjust = with_one_factor(partial(adjusted, options=options, context=context))
     try:

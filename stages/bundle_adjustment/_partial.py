@@ -141,7 +141,7 @@ def _made(
     tests: bool = False,
 ) -> Solution:
     tell([*options_without_data(source.block, options), *(note for o in inputs.observed for note in o.notes)], context)
-    suspects, notes = inherited(initial)
+    suspects, notes = inherited(source.block, initial)
     tell(notes, context)
     settings = BundleSettings(
         solution=SolverSettings(max_iterations=options.max_iterations, tolerance=options.tolerance)

@@ -38,6 +38,8 @@ EVERY = READERS | OF_OTHER_PROGRAMS
 """All readers by name."""
 MOST_SECONDS, MOST_BYTES = 2.0, 500_000_000
 HANGS_S = 60
+PROGRESS = 2000
+"""A line of progress after so many inputs."""
 OF_NUMBERS = 0.25
 """Share of the inputs of a reader of blocks that have one number written anew."""
 IN_MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
@@ -163,6 +165,8 @@ def campaign(name: str, count: int, seed: int, keep: Path | None = None) -> int:
                 if keep:
                     shutil.copytree(folder, keep / f"{name}-{number}", dirs_exist_ok=True)
             (folder / file).write_bytes(good[file])
+            if (number + 1) % PROGRESS == 0:
+                sys.stderr.write(f"{name}: {number + 1} of {count} inputs, {time.monotonic() - begin:.0f} s\n")
     figures = ", ".join(f"{n} {outcome}" for outcome, n in sorted(counted.items()))
     sys.stdout.write(
         f"fuzz {name}: {count} inputs: {figures}; slowest {slowest:.2f} s, at most {largest / 1e6:.0f} "

@@ -142,5 +142,5 @@ def test_two_control_points_of_two_that_are_exchanged_stay_out_beside_positions_
     assert done.bundle.images.oriented.all()
     assert done.bundle.sigma0 < 1.2
     assert any("fit with their numbers exchanged" in text for text in done.warnings)
-    before, _ = inherited(done.initial)
+    before, _ = inherited(done.block, done.initial)
     assert before.verdict[before.kind == "control"].tolist() == ["rejected", "rejected"]
