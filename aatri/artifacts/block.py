@@ -5,7 +5,7 @@ the input tables are, the columns here are in this order. NaN is *not given*. Ev
 line. Rows are in canonical order: ids by their bytes, measurements by image and point, so that the order of the input
 never matters.
 
-A Block comes with its tables: `block_images` declares cameras, images and measurements, `block_control` what is given
+A Block comes with its tables: `block_tables` declares cameras, images and measurements, `block_tables` what is given
 of the ground. All are imported from here.
 """
 
@@ -15,25 +15,23 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from aatri.arrays import Float, Int, Text
-from aatri.artifacts.block_control import (
+from aatri.artifacts.block_tables import (
+    CameraParameters,
+    Cameras,
+    DistortionTable,
     Exterior,
+    FiducialPoints,
+    Fiducials,
     Geodetic,
     GeodeticCovariances,
     GroundPointCovariances,
     GroundPoints,
-    ModelCoordinates,
-    RelativeControl,
-    RelativeControlMembers,
-)
-from aatri.artifacts.block_images import (
-    CameraParameters,
-    Cameras,
-    DistortionTable,
-    FiducialPoints,
-    Fiducials,
     Images,
     MeasuredPoints,
+    ModelCoordinates,
     Points,
+    RelativeControl,
+    RelativeControlMembers,
     RigMembers,
     StripIds,
 )

@@ -3,9 +3,11 @@
 Level 0 has the pixels as they are, each further level half as many along each side, as means. Of TIFF files that can be
 read by windows only those are read that a tile touches; the levels from `COARSE` on come from one small picture, made
 by going through the file once, in bands. So a scan of 370 million pixels takes some hundred MB.
+Of a block folder the pictures shown last stay open.
 """
 
 import threading
+from collections import OrderedDict
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +15,9 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.errors import InputError
 from aatri.extras import of_extra
+from aatri.ids import clipped
 from aatri.measuring.centres import BORDER, centre_of_symmetry
+from aatri.measuring.measured_folder import MeasuredFolder
 from aatri.pixels.reading import Samples, range_of, reads_windows, size_px, stretched, whole_image, window
 
 TILE = 256
@@ -22,6 +26,9 @@ COARSE = 3
 """The first level that is kept: 1/8 of the pixels along each side."""
 BAND = 1024
 """Rows that are read at once, a multiple of the usual heights of tiles in TIFF files."""
+
+KEPT = 3
+"""Pictures that are kept open: the one on the page and those before it."""
 
 
 class TiledPicture:
@@ -113,3 +120,49 @@ def _reduced(part: Samples, step: int) -> Samples:
     sums = np.add.reduceat(np.add.reduceat(part, columns, axis=1, dtype=np.float64), rows, axis=0)
     counts = np.outer(np.minimum(step, height - rows), np.minimum(step, width - columns))
     return np.asarray(sums / counts).round().astype(part.dtype)
+
+
+class OpenPictures:
+    """Pictures by the ids of their images."""
+
+    def __init__(self, folder: MeasuredFolder) -> None:
+        self._folder = folder
+        self._lock = threading.Lock()
+        self._open: OrderedDict[str, TiledPicture] = OrderedDict()
+        self._sizes: dict[str, tuple[int, int]] = {}
+
+    def size(self, image: str) -> tuple[int, int]:
+        """Width and height of the picture of an image, px."""
+        if image not in self._sizes:
+            self._path(image)
+            size = self._folder.size_px(image)
+            if size is None:
+                picture = self.open(image)
+                size = picture.width, picture.height
+            self._sizes[image] = size
+        return self._sizes[image]
+
+    def open(self, image: str) -> TiledPicture:
+        """The picture of an image.
+
+        Raises
+        ------
+        InputError
+            If there is no such image, it names no file, or the file is not there or no picture.
+        """
+        path = self._path(image)
+        with self._lock:
+            if image not in self._open:
+                self._open[image] = TiledPicture(path)
+                while len(self._open) > KEPT:
+                    self._open.popitem(last=False)
+            self._open.move_to_end(image)
+            return self._open[image]
+
+    def _path(self, image: str) -> str:
+        path = self._folder.path.get(image)
+        if not path:
+            what = "has no path in images.csv" if image in self._folder.path else "is not in images.csv"
+            where = str(self._folder.folder)
+            raise InputError(f"image {clipped(image)!r} {what}", where=where, remedy="name its file there")
+        return path

@@ -14,7 +14,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects
-from aatri.evaluation.expected_ratios import RATIOS, outside_expected
+from aatri.evaluation.verdict import RATIOS, outside_expected
 from aatri.ids import shown
 from aatri.report.facts import has_scale, without_comparison
 from aatri.report.verdict import far_off, with_check_counts

@@ -5,7 +5,7 @@ A good internal light says nothing about the external ones.
 
 A colour has a cause: sigma0 is good within the 99.9 % interval of its global test, bad where it is also beyond 0.5 to
 2, else to be looked at; errors of check points and of a simulated block are held against theory by limits of 99.9 %
-that count how many independent errors they are (`evaluation.expected_ratios`).
+that count how many independent errors they are (`evaluation.verdict`).
 """
 
 from collections import Counter
@@ -20,8 +20,7 @@ from aatri.arrays import Bool
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
-from aatri.evaluation.expected_ratios import outside_expected
-from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
+from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS, outside_expected
 from aatri.ids import shown
 from aatri.report.facts import without_comparison
 from aatri.report.view.numbers import counted, number

@@ -1,4 +1,4 @@
-"""The earth under the block: flat, or a sphere seen in a Cartesian tangent frame or in a map.
+"""The earth under the block and its terrain: flat, or a sphere seen in a Cartesian tangent frame or in a map.
 
 The block is laid out in local coordinates (E, N, h): plane coordinates about the block's centre and height above sea
 level. On a flat earth they are Cartesian. On the sphere of radius R = `units.EARTH_RADIUS_M` they belong to the
@@ -14,12 +14,22 @@ centre, axes east, north and up there. So the height of any point of the tangent
 
 whoever corrects for refraction in a tangent frame uses this same definition. East, north and up *of a place* are the
 directions in which E, N and h grow; they are orthogonal, the map being conformal. Source: closed forms of the sphere.
+
+The terrain: a sum of plane waves with random directions and phases,
+
+    z(E, N) = mean + relief / n * sum_k cos(w_k . (E, N) + f_k),
+
+so that heights stay within mean +- relief. Wavelengths run from the shortest one to four times that.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from aatri.arrays import Float
 from aatri.units import EARTH_RADIUS_M
+
+WAVES = 6
 
 
 def tangent_from_map(local_m: Float) -> Float:
@@ -73,3 +83,28 @@ def settled(local_m: Float, false_origin_m: tuple[float, float]) -> Float:
     """Local coordinates that differ from the given ones by rounding only and to which the false origin adds exactly."""
     origin = np.array([*false_origin_m, 0.0])
     return np.asarray((local_m + origin) - origin)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Heights as a function of the plan position."""
+
+    mean_m: float
+    amplitude_m: float
+    waves_rad_per_m: Float
+    phases_rad: Float
+
+    def height_m(self, plan_m: Float) -> Float:
+        """Height above sea level at (n, 2) plan positions, m."""
+        height = np.full(len(plan_m), self.mean_m)
+        for wave, phase in zip(self.waves_rad_per_m, self.phases_rad):
+            height += self.amplitude_m * np.cos(plan_m @ wave + phase)
+        return height
+
+
+def random_surface(mean_m: float, relief_m: float, wavelength_m: float, rng: np.random.Generator) -> Surface:
+    """A surface with heights within mean +- relief, m."""
+    direction = rng.uniform(0.0, 2 * np.pi, WAVES)
+    length = wavelength_m * 4.0 ** rng.uniform(0.0, 1.0, WAVES)
+    waves = 2 * np.pi / length[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=1)
+    return Surface(mean_m, relief_m / WAVES, waves, rng.uniform(0.0, 2 * np.pi, WAVES))

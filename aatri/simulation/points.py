@@ -12,12 +12,12 @@ import numpy as np
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import CHECK, CONTROL
 from aatri.simulation import earth, targets
+from aatri.simulation.earth import Surface
 from aatri.simulation.flight import FlightPlan
 from aatri.simulation.measured import Streams
 from aatri.simulation.rays import Photography, SimulatedRays, taken
 from aatri.simulation.settings import ControlOptions, FlightOptions, TieOptions, refused
 from aatri.simulation.structures import Structure
-from aatri.simulation.terrain import Surface
 
 LEAST_RAYS = 2
 MOST_BATCHES = 50

@@ -11,8 +11,7 @@ import numpy as np
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts import block as b
 from aatri.artifacts.builder import geodetic_order
-from aatri.simulation.gross import gross_errors
-from aatri.simulation.measured import Disturbance
+from aatri.simulation.measured import Disturbance, gross_errors
 from aatri.simulation.settings import NoiseOptions
 from aatri.simulation.survey import Sighted
 

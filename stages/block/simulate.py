@@ -23,6 +23,7 @@ from aatri.artifacts.block import Block
 from aatri.plugin import SILENT, Context, Field, Options, stage
 from aatri.simulation import earth, flight, settings
 from aatri.simulation.assembly import Scene, assembled
+from aatri.simulation.earth import random_surface
 from aatri.simulation.epochs import streams_of_site, with_moved_points
 from aatri.simulation.geodetic import GeodeticEarth
 from aatri.simulation.measured import STREAMS, Disturbance
@@ -32,7 +33,6 @@ from aatri.simulation.rays import Photography
 from aatri.simulation.rig import rigged
 from aatri.simulation.structures import planned_structures
 from aatri.simulation.survey_settings import SurveyOptions
-from aatri.simulation.terrain import random_surface
 
 
 class SimulateOptions(Options):

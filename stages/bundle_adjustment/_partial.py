@@ -10,7 +10,7 @@ from aatri.adapters.bundle.bundle_solution import bundle_solution
 from aatri.adapters.bundle.bundle_tables import uncontrolled_of
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.suspects import after, inherited
-from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.problem import SolverSettings
 from aatri.arrays import Bool, Float, Text, finite_rows
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints

@@ -22,7 +22,7 @@ from aatri.artifacts.features import ScanMarks
 from aatri.artifacts.solution import Solution
 from aatri.errors import InputError
 from aatri.geometry.collinearity import collinearity
-from aatri.pixels.ray_matching import matched_rays, median_rows, medians_of_points
+from aatri.pixels.least_squares_matching import matched_rays, median_rows, medians_of_points
 from aatri.plugin import SILENT, Context, Field, Options, stage
 from aatri.progress import Item
 

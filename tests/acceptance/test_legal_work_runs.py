@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from aatri.artifacts.block import Block
-from aatri.artifacts.block_images import FiducialPoints, Fiducials
+from aatri.artifacts.block_tables import FiducialPoints, Fiducials
 from aatri.artifacts.solution import Solution
 from aatri.cli.main import app
 from aatri.formats.tables.writer import write_block

@@ -12,8 +12,8 @@ from aatri.adjustment import records as module
 from aatri.adjustment.elimination.backsolve import cost_of
 from aatri.adjustment.elimination.fronts import factorise
 from aatri.adjustment.loss import NEWTON, Huber
+from aatri.adjustment.problem import SolverSettings
 from aatri.adjustment.records import Records, active_lane, excess, prepared_lane, whitened
-from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.geometry.rotations import exp_rotation

@@ -11,8 +11,8 @@ from aatri.artifacts import block as b
 from aatri.artifacts.residuals import Residuals
 from aatri.artifacts.solution import IndependentErrors
 from aatri.evaluation.accuracy import evaluate
-from aatri.evaluation.expected_ratios import expected_ratios, outside_expected
 from aatri.evaluation.statistics import bias, largest, rmse
+from aatri.evaluation.verdict import expected_ratios, outside_expected
 from aatri.geometry.rotations import exp_rotation
 from aatri.stages.accuracy.evaluation import evaluation
 from tests.made_solutions import made_block, made_solution

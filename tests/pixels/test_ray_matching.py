@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aatri.pixels.ray_matching import matched_rays
+from aatri.pixels.least_squares_matching import matched_rays
 from aatri.regular_file import content_of
 from tests.made_photographs import F_PX, HEIGHT, WIDTH, Array, _about, photograph, relief, texture
 

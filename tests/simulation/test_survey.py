@@ -13,7 +13,7 @@ from aatri.artifacts.block import TRUTH, Block
 from aatri.errors import GeometryError, InputError
 from aatri.formats.tables.writer import write_block
 from aatri.simulation import earth
-from aatri.simulation.shapes import _round
+from aatri.simulation.structures import _round
 from aatri.simulation.survey_settings import Condition
 from aatri.stages.block.simulate import SimulateOptions, simulate
 from aatri.tables.digest import content_digest

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from aatri.adjustment.elimination.onto import reduced_onto
-from aatri.adjustment.problem import Problem
-from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.problem import Problem, SolverSettings
 from aatri.adjustment.structure.index_problem import indexed
 from aatri.adjustment.structure.indexed_problem import counts
 from aatri.adjustment.unknowns import Unknowns

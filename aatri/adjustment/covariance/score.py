@@ -25,9 +25,14 @@ import numpy as np
 from scipy.sparse import csr_array, hstack
 
 from aatri.adjustment.covariance.constrained import covariance_reduction, covariance_times
-from aatri.adjustment.elimination.effects import Effects, WhitenedEffects, reduced_effects, whitened_effects
+from aatri.adjustment.elimination.effects import (
+    Effects,
+    WhitenedEffects,
+    reduced_effects,
+    unit_products,
+    whitened_effects,
+)
 from aatri.adjustment.elimination.right_hand_sides import sides_of, without_blocks
-from aatri.adjustment.elimination.unit_products import unit_products
 from aatri.adjustment.records import Records, whitened
 from aatri.adjustment.stepping.adjusted import Adjusted, factor_of
 from aatri.adjustment.structure.indexed_problem import IndexedProblem

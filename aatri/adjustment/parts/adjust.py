@@ -18,9 +18,8 @@ from aatri.adjustment.iterative.forecast import fits_in_memory
 from aatri.adjustment.others import NotInParts
 from aatri.adjustment.parts.cut import Part, Vetoes, VetoOf, cut, records_of, veto_of
 from aatri.adjustment.parts.top import Failed, OthersByMessages, Top
-from aatri.adjustment.problem import Problem
+from aatri.adjustment.problem import Problem, SolverSettings
 from aatri.adjustment.records import Records
-from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.stepping.adjust import Curve, adjust_large
 from aatri.adjustment.stepping.adjusted import Adjusted, Step
 from aatri.adjustment.stepping.kept_iterations import arrays_of, state_of

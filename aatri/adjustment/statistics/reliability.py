@@ -17,17 +17,41 @@ so many standard deviations at most of any function of the unknowns (Baarda's la
 Single blocks are moved by K L e_i nabla_i, with their gain K (`covariance.gains`) and the whitener L.
 
 Source: Baarda 1968; Foerstner 1979, 1980; docs/formulas.md 7.3.
+
+The tau test is of a residual standardised by the sigma0 of its own adjustment.
+
+    tau = w / sigma0,    tau^2 r / (r - tau^2) (r - 1) / r = t^2,    tau_crit = t sqrt(r) / sqrt(r - 1 + t^2)
+
+w is standardised by the sigmas a priori, r is the redundancy, t the quantile of Student's distribution with r - 1
+degrees of freedom at the level of the limit of |w|.
+
+Source: Pope 1976, The statistics of residuals and the detection of outliers.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr, stdtrit
 
 from aatri.adjustment.kernels.snooping import UNCONTROLLED as UNCONTROLLED
 from aatri.arrays import Float
 
 DELTA0 = 4.13
 """Non-centrality of a test at the level 0.1 % with power 80 %."""
+
+
+def tau_limit(limit: float, redundancy: int) -> float:
+    """Limit of |tau| at the level at which `limit` is that of |w|; infinite where nothing can be tested.
+
+    Parameters
+    ----------
+    limit : float
+        In standard deviations.
+    """
+    if redundancy < 2:
+        return float("inf")
+    quantile = -float(stdtrit(redundancy - 1, ndtr(-limit)))
+    return float(quantile * np.sqrt(redundancy) / np.sqrt(redundancy - 1 + quantile**2))
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,8 @@ class Steps:
     """How often the direction has changed."""
 
     def after(self, tau: float, new: float) -> tuple[Steps, float]:
-        """The value to go on with, the same where it is settled; `new` is what the adjustment with `tau` asks for."""
+        """The value to go on with, the same where it is settled; `new` is what the adjustment with `reliability` asks
+        for."""
         if abs(new - tau) <= SETTLED * max(new, tau):
             return self, tau
         up = new > tau

@@ -27,9 +27,8 @@ from aatri.adjustment.openness.set_aside import (
     without_weak_parts,
 )
 from aatri.adjustment.others import NotInParts, Others
-from aatri.adjustment.problem import Problem
+from aatri.adjustment.problem import ENOUGH, MOST, QUICK, Problem, SolverSettings
 from aatri.adjustment.records import Records
-from aatri.adjustment.settings import ENOUGH, MOST, QUICK, SolverSettings
 from aatri.adjustment.stepping.adjusted import Adjusted, Step
 from aatri.adjustment.stepping.chord import allows_chord
 from aatri.adjustment.stepping.iteration import (

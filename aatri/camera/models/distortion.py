@@ -21,8 +21,7 @@ from aatri.arrays import Float
 from aatri.camera.models import forward_models
 from aatri.camera.models.brown import PARAMETERS as BROWN_PARAMETERS
 from aatri.camera.models.brown import brown_correction, brown_derivative
-from aatri.camera.models.folds import first_folded
-from aatri.camera.models.inversion import invert
+from aatri.camera.models.inversion import first_folded, invert
 from aatri.errors import InputError
 from aatri.ids import did_you_mean
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
-from aatri.artifacts.block_control import Geodetic
+from aatri.artifacts.block_tables import Geodetic
 from aatri.checks.finding import Finding, Level
 from aatri.checks.limits import (
     BETTER_CONVENTION,

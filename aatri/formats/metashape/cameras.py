@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.artifacts.block_images import RigMembers
+from aatri.artifacts.block_tables import RigMembers
 from aatri.formats.conventions.lens import FORMS, Lens
 from aatri.formats.conventions.pixel_origins import PIXEL_MM
 from aatri.formats.conventions.poses import Y_UP, rotation_of_carrier

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.artifacts.block_images import RigMembers
+from aatri.artifacts.block_tables import RigMembers
 from aatri.formats.conventions.poses import Y_UP
 from aatri.formats.opf.project import OpfProject, SceneFrame, frame_of
 from aatri.formats.parts.block_parts import BlockParts

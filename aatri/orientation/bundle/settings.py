@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.problem import SolverSettings
 from aatri.arrays import Float
 
 Datum = Literal["given", "minimal", "free"]

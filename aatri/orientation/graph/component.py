@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.problem import SolverSettings
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.errors import GeometryError

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.elimination.onto import reduced_onto, without
-from aatri.adjustment.problem import Problem
-from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.problem import Problem, SolverSettings
 from aatri.adjustment.structure.index_problem import indexed
 from tests.adjustment.block_problem import made_problem
 from tests.adjustment.reference import dense_jacobian

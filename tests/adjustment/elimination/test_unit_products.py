@@ -8,8 +8,8 @@ from scipy.sparse import csr_array
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.elimination import schedule
+from aatri.adjustment.elimination.effects import unit_products
 from aatri.adjustment.elimination.reduced import reduced_normals
-from aatri.adjustment.elimination.unit_products import unit_products
 from aatri.adjustment.stepping.adjust import adjust_large
 from tests.adjustment.block_problem import made_problem
 

@@ -16,8 +16,8 @@ from aatri.adjustment.others import SharedEquations
 from aatri.adjustment.parts import adjust as in_parts
 from aatri.adjustment.parts.adjust import AdjustedInParts
 from aatri.adjustment.parts.cut import cut
+from aatri.adjustment.problem import SolverSettings
 from aatri.adjustment.records import Records
-from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure.index_problem import prepare
 from aatri.adjustment.unknowns import Unknowns, add_step

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from aatri.adjustment.statistics.class_scales import EFFICIENCY, class_scales, robust_scale
+from aatri.adjustment.statistics.class_scales import EFFICIENCY, class_scales, robust_scale, small_class_scale
 from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.adjustment.statistics.long_tails import BEYOND, LEAST_FREEDOM, Tail, tail_of
-from aatri.adjustment.statistics.small_scales import small_class_scale
-from aatri.adjustment.statistics.tau import tau_limit
+from aatri.adjustment.statistics.reliability import tau_limit
 from aatri.adjustment.statistics.weight_functions import BOUNDS, FLOOR, weights
 from aatri.arrays import Float
 

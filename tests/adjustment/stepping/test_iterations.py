@@ -7,9 +7,8 @@ import pytest
 
 from aatri.adjusting.acceleration import accelerated
 from aatri.adjustment.elimination.backsolve import cost_of
-from aatri.adjustment.problem import Problem
+from aatri.adjustment.problem import Problem, SolverSettings
 from aatri.adjustment.records import whitened
-from aatri.adjustment.settings import SolverSettings
 from aatri.adjustment.stepping import adjust as solve
 from aatri.adjustment.stepping import runaways
 from aatri.adjustment.stepping.linearity import after_step

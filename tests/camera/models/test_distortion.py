@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from aatri.camera.models import folds, forward_models
+from aatri.camera.models import forward_models, inversion
 from aatri.camera.models.brown import PARAMETERS, brown_basis, brown_correction, brown_derivative
 from aatri.camera.models.distortion import Distortion, corner_points, corrected, table_correction
 from aatri.errors import InputError
@@ -149,7 +149,7 @@ def test_a_fold_inside_the_format_is_refused(model: str, parameters: dict[str, f
 def test_the_first_point_beyond_a_fold_is_named_whatever_the_pieces(
     chunk: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(folds, "CHUNK", chunk)
+    monkeypatch.setattr(inversion, "CHUNK", chunk)
     points = np.array([[1.0, 1.0], [2.0, 1.0], [90.0, 90.0], [3.0, 1.0], [100.0, 100.0]])
     with pytest.raises(InputError, match=r"on the way to \(90\.000, 90\.000\)"):
         corrected(Distortion("brown", 100.0, {"k1": -5e-5}), points)

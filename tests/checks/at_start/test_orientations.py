@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.artifacts.block_control import Exterior
+from aatri.artifacts.block_tables import Exterior
 from aatri.checks.at_start.orientations import control_outside, few_oriented, turned_over, unlikely_orientations
 from aatri.checks.at_start.start_rays import start_rays
 from aatri.codes import NO_ROLE

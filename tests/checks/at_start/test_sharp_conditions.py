@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aatri.artifacts.block_control import RelativeControl
+from aatri.artifacts.block_tables import RelativeControl
 from aatri.checks.after.of_stage import findings_of
 from aatri.checks.at_start.sharp_conditions import sharp_conditions
 from tests.made_solutions import made_block, made_solution

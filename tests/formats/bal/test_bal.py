@@ -10,7 +10,7 @@ import pytest
 
 from aatri.artifacts import image_points as ip
 from aatri.artifacts.block import APPROXIMATE, Block
-from aatri.artifacts.block_images import CameraParameters
+from aatri.artifacts.block_tables import CameraParameters
 from aatri.artifacts.residuals import Residuals
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.suspects import Suspects

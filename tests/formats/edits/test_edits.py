@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import CONTROL, NO_ROLE, Block
-from aatri.artifacts.block_control import Geodetic, GeodeticCovariances, GroundPointCovariances
+from aatri.artifacts.block_tables import Geodetic, GeodeticCovariances, GroundPointCovariances
 from aatri.artifacts.solution import VarianceComponents
 from aatri.artifacts.suspects import Suspects
 from aatri.errors import AatriError

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from aatri.adapters.bundle.block_start import origin_of
-from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.problem import SolverSettings
 from aatri.observations.control import Control, observed_control
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.image_points import observed_image_points

@@ -15,7 +15,7 @@ import pytest
 
 from aatri.adjustment.iterative.forecast import memory_limit
 from aatri.adjustment.parts import adjust as in_parts
-from aatri.adjustment.settings import SolverSettings
+from aatri.adjustment.problem import SolverSettings
 from aatri.pipeline.run import dask_parts
 from aatri.pipeline.run.dask_parts import DaskParts
 from aatri.together import Threads

@@ -15,9 +15,8 @@ import numpy as np
 
 from aatri.adjusting.adjusted_observations import classes_of
 from aatri.adjustment.covariance.score import score
-from aatri.adjustment.statistics.class_scales import MATTERS, ClassScales, class_scales
+from aatri.adjustment.statistics.class_scales import MATTERS, ClassScales, class_scales, may_differ, small_class_scale
 from aatri.adjustment.statistics.long_tails import Tail, tail_of
-from aatri.adjustment.statistics.small_scales import may_differ, small_class_scale
 from aatri.adjustment.statistics.variance_components import ESTIMABLE, LEAST_SHARE
 from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note

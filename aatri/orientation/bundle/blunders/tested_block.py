@@ -10,7 +10,7 @@ from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.attribution import CONTROLLED
 from aatri.adjustment.statistics.leave_one_out import gains_of_leaving_out
 from aatri.adjustment.statistics.limits import SINGLE_LIMIT
-from aatri.adjustment.statistics.tau import tau_limit
+from aatri.adjustment.statistics.reliability import tau_limit
 from aatri.adjustment.statistics.variance_components import ESTIMABLE
 from aatri.adjustment.threads import by_rows
 from aatri.adjustment.unknowns import State
