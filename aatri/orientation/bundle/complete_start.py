@@ -8,6 +8,7 @@ that see too few known points start from an orientation that is offered, if thei
 
 import numpy as np
 
+from aatri.adjustment.threads import in_threads
 from aatri.arrays import Float, Int, finite_rows, ranges
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.intersection import intersect_rays
@@ -19,6 +20,9 @@ from aatri.orientation.resection.start import LEAST_SHARE, WIDE_RAD, start_orien
 
 MOST_PARTNERS = 8
 """Rays of a point with which each of them is tried."""
+
+AT_ONCE = 200_000
+"""Residuals that are held at a time, some 40 MB."""
 
 
 def complete_start(
@@ -96,10 +100,31 @@ def robust_intersections(rays: ImagePointRows, poses: Poses, points: Int, n_poin
 
     Source: Rousseeuw 1984, Least median of squares regression.
     """
-    pairs = _pairs(rays, np.flatnonzero(rays.active & np.isin(rays.point, points) & poses.oriented[rays.image]))
-    met, pair_point = _meeting(rays, poses, pairs), rays.point[pairs[:, 0]]
-    rows = np.unique(pairs)
+    rows = np.flatnonzero(rays.active & np.isin(rays.point, points) & poses.oriented[rays.image])
     rows = rows[np.argsort(rays.point[rows], kind="stable")]
+    first = np.flatnonzero(np.diff(rays.point[rows], prepend=-1))
+    count = np.diff(first, append=len(rows))
+    tried = np.cumsum(count * np.minimum(MOST_PARTNERS * count, count * (count - 1) // 2))  # rays, each with all pairs
+    piece = tried // AT_ONCE
+    edges = [*first[np.flatnonzero(np.diff(piece, prepend=-1))].tolist(), len(rows)]
+    xyz_m = np.full((n_points, 3), np.nan)
+
+    def some_pieces(begin: int, end: int) -> None:
+        for k in range(begin, end):
+            of_pieces, met = _least_median(rays, poses, rows[edges[k] : edges[k + 1]])
+            xyz_m[of_pieces] = met
+
+    in_threads(len(edges) - 1, some_pieces, worth=1)
+    return xyz_m
+
+
+def _least_median(rays: ImagePointRows, poses: Poses, rows: Int) -> tuple[Int, Float]:
+    """Points, (k,), and where their pair of least median residual meets, (k, 3), m; `rows` are all rays of some points.
+
+    A point may stand there twice; the last counts.
+    """
+    pairs = _pairs(rays, rows)
+    met, pair_point = _meeting(rays, poses, pairs), rays.point[pairs[:, 0]]
     begin, end = (np.searchsorted(rays.point[rows], pair_point, side) for side in ("left", "right"))
     count = end - begin
     pair = np.repeat(np.arange(len(pairs)), count)
@@ -107,12 +132,8 @@ def robust_intersections(rays: ImagePointRows, poses: Poses, points: Int, n_poin
     off = _off_mm(rays, poses, row, met[pair])
     order = np.lexsort((off, pair))
     median = off[order[np.cumsum(count) - count + count // 2]] if len(pairs) else np.zeros(0)
-    order_of_points = np.lexsort((-median, pair_point))  # the last of each point is kept
-    xyz_m = np.full((n_points, 3), np.nan)
-    xyz_m[pair_point[order_of_points]] = np.where(
-        np.isfinite(median[order_of_points])[:, None], met[order_of_points], np.nan
-    )
-    return xyz_m
+    best_last = np.lexsort((-median, pair_point))
+    return pair_point[best_last], np.where(np.isfinite(median[best_last])[:, None], met[best_last], np.nan)
 
 
 def intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float) -> Float:
