@@ -104,8 +104,8 @@ def robust_intersections(rays: ImagePointRows, poses: Poses, points: Int, n_poin
     rows = rows[np.argsort(rays.point[rows], kind="stable")]
     first = np.flatnonzero(np.diff(rays.point[rows], prepend=-1))
     count = np.diff(first, append=len(rows))
-    tried = np.cumsum(count * np.minimum(MOST_PARTNERS * count, count * (count - 1) // 2))  # rays, each with all pairs
-    piece = tried // AT_ONCE
+    residuals = np.cumsum(count * np.minimum(MOST_PARTNERS * count, count * (count - 1) // 2))
+    piece = residuals // AT_ONCE
     edges = [*first[np.flatnonzero(np.diff(piece, prepend=-1))].tolist(), len(rows)]
     xyz_m = np.full((n_points, 3), np.nan)
 
