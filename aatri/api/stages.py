@@ -131,6 +131,14 @@ def stage_call(name: str, local: str | Path | None = None) -> StageCall:
     >>> bundle.ports["block"], bundle.options["reliability"]
     ('Block', False)
     """
+    from aatri.cli.arguments.planning import compilation_of
+    from aatri.cli.terminal.compiling import wait_for
+    from aatri.cli.terminal.console import is_terminal, narrate
+    from aatri.pipeline.methods.catalogue import Catalogue
     from aatri.pipeline.methods.registry import find_stages
 
-    return StageCall(find_stages(Path(local) if local is not None else None).card(name))
+    folder = Path(local) if local is not None else None
+    compilation = compilation_of([name], Catalogue(folder))
+    if compilation is not None:
+        wait_for(compilation, narrate, terminal=is_terminal())
+    return StageCall(find_stages(folder).card(name))

@@ -76,12 +76,14 @@ def export(
     if form == "slurm":
         _write_script(Path(what), folder, overwrite=overwrite)
         return
+    from aatri.cli.arguments.planning import warn_if_stale
     from aatri.formats.registry.export import written_format
 
     written_format(form, OTHERS)
     path, stage = split_stage(what)
     run = find_run(path)
     name = run.stage(stage)["stage"] if stage else _last_solution(run)
+    warn_if_stale(path, name)
     check_folder(folder, overwrite=overwrite)
     if form == "tables" and _record(run, name)["output"]["kind"] != "Block":
         _write_tables(run, name, folder)

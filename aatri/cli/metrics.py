@@ -17,6 +17,7 @@ def metrics(
     json: Annotated[bool, typer.Option("--json", help="As JSON: {stage: {metric: value}}.")] = False,
 ) -> None:
     """Show the figures of all stages of a run."""
+    from aatri.cli.arguments.planning import warn_if_stale
     from aatri.pipeline.spec.gates import figures_of
     from aatri.pipeline.store import run_folder as store
 
@@ -25,6 +26,7 @@ def metrics(
     values = {name: figures_of(record) for name, record in records.items() if record is not None}
     if not values:
         raise ArtifactError("has not been run", where=str(located.folder), remedy="aatri run")
+    warn_if_stale(run)
     if json:
         say_json(values)
         return

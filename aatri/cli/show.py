@@ -69,6 +69,7 @@ def show(
 
 
 def _file(what: str) -> Path:
+    from aatri.cli.arguments.planning import warn_if_stale
     from aatri.pipeline.store import run_folder as store
 
     if what.endswith(".h5"):
@@ -78,6 +79,7 @@ def _file(what: str) -> Path:
         raise _without_stage(what, path)
     run = find_run(path)
     run.stage(stage)
+    warn_if_stale(path, stage)
     return store.artifact_path(run.folder, stage)
 
 

@@ -59,6 +59,8 @@ class AdjustmentOptions(KindOptions):
     )
 
 
+GROSS_ERRORS = "`blunders: none` looks for no gross errors, and one of them is enough: try `blunders: robust_snooping`"
+
 COARSE = 5.0
 """Bound of the Newton decrement of the adjustments on the way to gross errors."""
 
@@ -101,6 +103,7 @@ def _searched(
             done, groups = in_all(block)
         except (ConvergenceError, GeometryError) as failure:
             if searching.method == "none":
+                failure.remedy = f"{GROSS_ERRORS}{failure.remedy and f'; else: {failure.remedy}'}"
                 raise
             return searched_again(block, in_all, adjust, failure)
         most = options.max_sigma0

@@ -211,7 +211,7 @@ def bundle(
     searched = options.blunders.method != "none"
     requested = options.standard_deviations is not False or options.reliability
     shown = done if requested else replace(done, result=without_covariances(done.result))
-    findings = findings_after(source, shown, groups, options.max_sigma0, tests=options.reliability)
+    findings = findings_after(source, shown, groups, options.max_sigma0, tests=options.reliability, searched=searched)
     of_cameras, camera_notes = camera_tables(block, shown.result, chosen)
     uncontrolled = uncontrolled_of(done.result)
     proposed = proposed_numbers(done) if searched else None

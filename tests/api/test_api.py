@@ -114,7 +114,9 @@ XY = [[0.0, 3.0], [1.0, 4.0], [2.0, -5.0], [3.0, 3.0], [4.0, -4.0], [5.0, 5.5]]
 def test_what_is_compiled_is_told_though_the_run_is_quiet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first run takes half a minute for it."""
     quiet_of: list[bool] = []
-    monkeypatch.setattr("aatri.cli.arguments.planning._compilation", lambda *_, quiet: quiet_of.append(quiet) and None)
+    monkeypatch.setattr(
+        "aatri.cli.arguments.planning.compilation_of", lambda *_, quiet: quiet_of.append(quiet) and None
+    )
     (tmp_path / "p.yaml").write_text("run: out\nstages:\n  block: {use: block/tables, with: {path: nowhere}}\n")
     with pytest.raises(InputError):
         aatri.run(tmp_path / "p.yaml")
@@ -205,3 +207,13 @@ def test_a_warning_of_a_stage_in_memory_is_of_the_line_that_calls_it() -> None:
     with pytest.warns(UserWarning, match="one point") as told:
         stage["tell"](Warned())
     assert told[0].filename == __file__
+
+
+def test_a_stage_called_from_python_tells_what_it_compiles(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lacking = {"aatri.geometry.kernels.rotations": Path(aatri.__file__).parent / "geometry/kernels/rotations.py"}
+    monkeypatch.setattr("aatri.pipeline.methods.compile_kernels.missing", lambda kernels: lacking if kernels else {})
+    monkeypatch.setattr("aatri.pipeline.methods.kernel_cache.copy_compiled", lambda *_: None)
+    aatri.stage("relative_orientation/dependent")
+    assert "compiling the inner loops for this processor, once: 1 module" in capsys.readouterr().err

@@ -201,3 +201,12 @@ def test_accept_and_gc(project: Path) -> None:
     assert "2 results could be removed" in aatri("gc", "--keep", "0", "-n").stdout
     assert "2 results removed" in aatri("gc", "--keep", "0").stdout
     assert "nothing to do" in aatri("run").stderr
+
+
+def test_results_that_are_not_up_to_date_are_said_to_be_so(project: Path) -> None:
+    assert "not up to date" not in aatri("metrics").stderr + aatri("show", ":s").stderr
+    text = (project / "pipeline.yaml").read_text()
+    (project / "pipeline.yaml").write_text(text.replace("{numbers: a}}", "{numbers: a}, with: {offset: 2.0}}"))
+    for verb in (("metrics",), ("metrics", "--json"), ("show", ":s"), ("export", "out:s", "tables", "t")):
+        assert "warning: not up to date: s (" in aatri(*verb).stderr
+    assert "not up to date" not in aatri("show", ":a").stderr

@@ -39,6 +39,7 @@ def findings_after(
     max_sigma0: float | None,
     *,
     tests: bool,
+    searched: bool,
 ) -> list[Finding | Note]:
     """What an adjusted block shows; what the methods noted on the way stands after its groups.
 
@@ -50,6 +51,8 @@ def findings_after(
         Without covariances where none are wanted.
     tests : bool
         Observations are tested too.
+    searched : bool
+        Gross errors were looked for.
     """
     inputs, result = done.inputs, done.result
     images, cameras = source.block.images, source.block.cameras
@@ -75,7 +78,7 @@ def findings_after(
         *points_at_infinity(inputs, result),
         *points_of_few_rays(result),
         *exchanged_marks(source.block, source.image_points, result.poses, result.xyz_m),
-        *sigma0(result, max_sigma0, done.scale, cause, with_cause=with_cause),
+        *sigma0(result, max_sigma0, done.scale, cause, with_cause=with_cause, searched=searched),
         *([] if explained else sigmas_that_do_not_fit(result)),
         *more_exact_than_images(inputs, result, done.scale),
         *weak_datum(inputs, result, done.scale),

@@ -11,11 +11,17 @@ a redundancy smaller by their unknowns. A sigma0 that is too small is so only wh
 import numpy as np
 
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0, global_test, sigma0_note
+from aatri.adjustment.statistics.limits import limit_of_tests
 from aatri.checks.finding import Finding
 from aatri.errors import ConvergenceError
 from aatri.ids import several
+from aatri.orientation.bundle.blunders.tested_block import tests_of
 from aatri.orientation.bundle.result import BundleResult
 
+MOST = 5
+"""Observations that are named."""
+
+LOOK = "measure them again, or leave `blunders: none` out"
 REMEDY = "`variance_components: {groups: [kind]}` estimates those of each kind of observation"
 REFUSED = (
     "check ids, units, camera, start values and control; look for gross errors with a robust method first; standard "
@@ -31,6 +37,7 @@ def sigma0(
     *,
     with_cause: float = np.inf,
     held: int = 0,
+    searched: bool = True,
 ) -> list[Finding]:
     """sigma0 with its interval; an error where it is beyond `max_sigma0`.
 
@@ -46,6 +53,8 @@ def sigma0(
         A group that the result contradicts: it says what to do before anything else.
     held : int
         Unknowns that are held at values which may be made of the observations.
+    searched : bool
+        Whether gross errors were looked for; else the largest misfits are named.
     """
     if result.adjusted.down_weighted:
         return []
@@ -59,7 +68,7 @@ def sigma0(
             Finding(
                 "sigma0",
                 "error",
-                f"{text}observations do not fit it",
+                f"{text}observations do not fit it{'' if searched else _standing_out(result)}",
                 REFUSED if cause is None else f"{cause.sentence.split(';')[0]}: {cause.remedy}",
                 statistic=test.sigma0 * scale,
                 error=ConvergenceError,
@@ -75,4 +84,18 @@ def sigma0(
             return [Finding("sigma0", "note", text, statistic=follow.sigma0)]
     note = sigma0_note(test, "" if scale == 1.0 else "with standard deviations that fit")
     remedy = REMEDY if note.level == "warning" else ""
-    return [Finding("sigma0", note.level, note.text, remedy, statistic=test.sigma0)]
+    found = [Finding("sigma0", note.level, note.text, remedy, statistic=test.sigma0)]
+    largest = "" if searched else _standing_out(result)
+    text = f"nothing was looked for (`blunders: none`){largest}"
+    return [*found, Finding("sigma0", "warning", text, LOOK)] if largest else found
+
+
+def _standing_out(result: BundleResult) -> str:
+    """The observations in use whose tests stand out of the others, the largest first."""
+    state, limit = (
+        result.adjusted.state,
+        limit_of_tests(result.adjusted.observations) * max(1.0, result.adjusted.sigma0),
+    )
+    tests = [(o.observed, np.where(o.used, tests_of(o, state), np.nan)) for o in result.observations]
+    out = sorted(((w[k], o.kind, o.label(k)) for o, w in tests for k in np.flatnonzero(w > limit)), reverse=True)
+    return "; largest tests: " * bool(out) + ", ".join(f"{kind} {name} {w:.3g} sigma" for w, kind, name in out[:MOST])

@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any
 from aatri.cli.arguments.locate import DEFAULT, overview_of, run_or_pipeline
 from aatri.cli.terminal.compiling import wait_for
 from aatri.cli.terminal.console import is_terminal, narrate
-from aatri.errors import ArtifactError, SpecError
+from aatri.errors import AatriError, ArtifactError, SpecError
 from aatri.ids import several
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from aatri.pipeline.methods.catalogue import Catalogue
     from aatri.pipeline.methods.compile_kernels import Compilation
     from aatri.pipeline.plan.decisions import Plan, Selection, StoreView
@@ -83,7 +85,8 @@ def open_request(request: Request, *, quiet: bool = False, background: bool = Fa
 
     spec, local = read_request(request)
     catalogue = Catalogue(local, runs_code=request.local_plugins)
-    compilation = _compilation(spec, request, catalogue, quiet=quiet)
+    uses = [stage.use for stage in spec.stages.values()] + [text.partition("=")[2] for text in request.use]
+    compilation = compilation_of(uses, catalogue, quiet=quiet)
     if compilation is None:
         spec, nodes, notes = wired(spec, request, catalogue)
     else:
@@ -132,7 +135,7 @@ def wired(spec: Spec, request: Request, catalogue: Catalogue) -> tuple[Spec, tup
     return spec, wire(spec, catalogue), notes
 
 
-def _compilation(spec: Spec, request: Request, catalogue: Catalogue, *, quiet: bool) -> Compilation | None:
+def compilation_of(uses: Sequence[str], catalogue: Catalogue, *, quiet: bool = False) -> Compilation | None:
     """Begin to compile what stages reach, where that has not been done on this machine and the wheel has it not."""
     from aatri.pipeline.methods.compile_kernels import Compilation, kernels_of, missing
     from aatri.pipeline.methods.kernel_cache import CARRIED, copy_compiled, remove_unused, use_kernel_cache
@@ -140,7 +143,6 @@ def _compilation(spec: Spec, request: Request, catalogue: Catalogue, *, quiet: b
     folder = use_kernel_cache()
     if folder is None:
         return None
-    uses = [stage.use for stage in spec.stages.values()] + [text.partition("=")[2] for text in request.use]
     codes = catalogue.codes(uses)
     kernels = kernels_of(codes)
     remove_unused(folder, kernels)
@@ -200,3 +202,18 @@ def open_run(
         local_plugins,
     )
     return open_request(request, quiet=quiet, background=background)
+
+
+def warn_if_stale(named: Path | None, stage: str = "") -> None:
+    """Say which results of a run, or that of a stage, are not what its pipeline would make now."""
+    from aatri.cli.plan_table import reasons_of
+
+    try:
+        decisions = open_run(named, quiet=True, background=True).plan().decisions
+    except AatriError as error:
+        narrate(f"note: whether this is up to date is not known: {error.what}")
+        return
+    stale = [d for d in decisions if d.record is None and stage in ("", d.stage)]
+    if stale:
+        names = ", ".join(d.stage for d in stale)
+        narrate(f"warning: not up to date: {names} ({reasons_of(stale[0])}); `aatri run` makes it again")
