@@ -19,7 +19,7 @@ LENGTH_M = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3, "km": 1e3}
 LENGTH_MM = {"mm": 1.0, "um": 1e-3}
 TIME_S = {"s": 1.0, "ms": 1e-3}
 
-ROUNDING_M = 1e-9
+ROUNDING_M = 1e-8
 """Lengths below are what arithmetic leaves of 0, at coordinates of some thousand kilometres."""
 
 NEGLIGIBLE = 1e-3

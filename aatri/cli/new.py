@@ -12,7 +12,7 @@ import typer
 from aatri.cli.arguments.completion import complete_new_variant, complete_path
 from aatri.cli.arguments.options import SourceSettings, complete, listed, one_of
 from aatri.cli.new_from_text import ACCURACY, HEAD, OF_GRAPH, WITH_START, of_matched, path_from, with_options
-from aatri.cli.terminal.console import narrate, reports_errors, say
+from aatri.cli.terminal.console import NARRATED, narrate, reports_errors, say
 from aatri.errors import ResourceError, SpecError
 
 
@@ -101,9 +101,13 @@ _IMAGES = {
 """Blocks whose folder is written to be filled in, and what their images are."""
 
 
-PhotographFolder: TypeAlias = Annotated[
-    Path | None,
-    typer.Argument(autocompletion=complete_path, help="With --block photos: the folder of the photographs."),
+MorePaths: TypeAlias = Annotated[
+    list[Path] | None,
+    typer.Argument(
+        metavar="PATH...",
+        autocompletion=complete_path,
+        help="With --block photos: the folder of the photographs; with --from: more files and folders.",
+    ),
 ]
 Source: TypeAlias = Annotated[
     BlockSource,
@@ -144,7 +148,7 @@ Plugin: TypeAlias = Annotated[
 @reports_errors
 def new(
     folder: Annotated[Path, typer.Argument(autocompletion=complete_path, help="Folder to write to.")] = Path(),
-    path: PhotographFolder = None,
+    paths: MorePaths = None,
     block: Source = BlockSource.simulate,
     sources: OtherPrograms = None,
     lens_misfit: Misfit = None,
@@ -159,8 +163,8 @@ def new(
         _write(plugin_files(plugin, folder))
         narrate(f"next: pytest {folder / 'tests'}, then aatri run --local-plugins with `use: {plugin}`")
         return
-    if path is not None and block is not BlockSource.photos:
-        raise SpecError(f"a second path, {path}", remedy="it goes with --block photos")
+    if paths and not sources and (len(paths) > 1 or block is not BlockSource.photos):
+        raise SpecError(f"a second path, {paths[-1]}", remedy="--from takes several, --block photos one")
     if (set_ or without) and not sources:
         raise SpecError("--set and --without go with --from", remedy="or change the pipeline.yaml that is written")
     written = folder / "pipeline.yaml"
@@ -169,13 +173,15 @@ def new(
         from aatri.formats.registry.settings import Setting, settings_of
 
         misfit = [] if lens_misfit is None else [Setting("", "lens_misfit_px", lens_misfit)]
-        text = pipeline_from(sources, folder, [*misfit, *settings_of(set_ or ())], without=without or ())
+        text = pipeline_from(
+            [*sources, *(paths or ())], folder, [*misfit, *settings_of(set_ or ())], without=without or ()
+        )
         _write({written: text})
         _refuse_as_a_run(written)
     else:
-        _write({written: _text(block, folder, path), **_tables(block, folder)})
+        _write({written: _text(block, folder, next(iter(paths or ()), None)), **_tables(block, folder)})
     where = "" if folder == Path() else f" {written}"
-    complete = sources or path is not None or block in (BlockSource.simulate, BlockSource.sample)
+    complete = sources or paths or block in (BlockSource.simulate, BlockSource.sample)
     fill = "" if complete else f"your data, as the head of {written} says, then aatri check{where}, then "
     narrate(f"next: {fill}aatri run{where}")
 
@@ -257,12 +263,14 @@ def _text(block: BlockSource, folder: Path, photographs: Path | None) -> str:
 
 
 def _have_positions(photographs: Path) -> bool:
-    """Whether one of the photographs has a position."""
+    """Whether one of the photographs has a position; says what their heads hold."""
+    from aatri.cli.new_from import counted
     from aatri.formats.parts.format import Reading
     from aatri.formats.registry.sources import read_source
-    from aatri.progress import SILENT
 
-    return bool(read_source(photographs, Reading(format="photos"), SILENT).exterior)
+    parts = read_source(photographs, Reading(format="photos"), NARRATED)
+    narrate(f"{photographs}: {', '.join(counted(parts))}")
+    return bool(parts.exterior)
 
 
 def demo_path() -> Path:

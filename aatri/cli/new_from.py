@@ -88,7 +88,7 @@ def pipeline_from(
     if not parts:
         return pipeline_text(sources, folder, with_options(OF_STRIPS, []), stated=stated)
     for of_source in parts:
-        narrate(f"  {of_source.format}: {', '.join(_counted(of_source)) or 'nothing of a block'}")
+        narrate(f"  {of_source.format}: {', '.join(counted(of_source)) or 'nothing of a block'}")
         for note in of_source.notes:
             narrate(f"    {note}")
     grids = _say_grids(paths, sources, parts)
@@ -196,7 +196,7 @@ def _to_match(block: Block) -> bool:
     return bool(len(block.images) and (block.images.path != "").all() and np.median(count) < FEWEST_RAYS)
 
 
-def _counted(parts: BlockParts) -> list[str]:
+def counted(parts: BlockParts) -> list[str]:
     tables = ("cameras", "images", "image_points", "ground_points", "exterior")
     keys = ("id", "id", "image", "point", "image")
     words = (

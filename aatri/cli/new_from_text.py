@@ -46,6 +46,12 @@ OF_STRIPS = f"""\
 """
 
 
+BY_HAND = """\
+# Messages may name block.yaml and its tables: `aatri export RUN:block tables FOLDER` writes those of this block, to be
+# changed by hand; `aatri new --from FOLDER` goes on with them.
+"""
+
+
 def pipeline_text(
     sources: Sequence[SourceWithSettings],
     folder: Path,
@@ -72,7 +78,8 @@ def pipeline_text(
             "      sources:                           # the first with images says which there are\n" + lines
         )
     count = f"{len(sources)} source{'s' * (len(sources) != 1)}"
-    return f"# Written by aatri new --from; {count}.\n{HEAD}{block}{stages}"
+    by_hand = "" if [one.format.name for one in sources] == ["tables"] else BY_HAND
+    return f"# Written by aatri new --from; {count}.\n{by_hand}{HEAD}{block}{stages}"
 
 
 def _of_source(source: SourceWithSettings, folder: Path) -> dict[str, object]:

@@ -41,17 +41,24 @@ def say_end(
     from aatri.cli.terminal.figures import say_result
 
     page = _first_page(report.with_suffix(".json")) if report is not None else {}
-    say_result(records, metric=METRES_OF_MODEL not in page.get("facts", {}))
+    of_model = page.get("facts", {}).get(METRES_OF_MODEL)
+    say_result(records, metric=of_model is None)
     say_parameters(page.get("parameters", {}))
     say()
     text = page.get("judgement", "")
-    _say_problems(page.get("problems", ()), text, above, refused=not all(gate.passed for gate in gates))
+    problems = page.get("problems", ())
+    _say_problems(problems, text, above, refused=not all(gate.passed for gate in gates))
+    reading = next((r for r in records if r["plugin"].startswith("block/") and r["plugin"] != "block/tables"), None)
+    if reading is not None and any(table in p["text"] for p in problems for table in ("block.yaml", ".csv")):
+        say(f"tables  block.yaml, images.csv ... of this block: aatri export {folder}:{reading['stage']} tables FOLDER")
     if gates:
         say(f"gates   {sum(gate.passed for gate in gates)} of {len(gates)} passed")
     say(f"run     {folder}")
     say(f"report  {report}" if report else "report  not written, see the warning above")
     if text:
         say(f"\n{text}")
+    if of_model is not None:
+        say(f"{METRES_OF_MODEL} in warnings are {of_model}.")
 
 
 def judgement(report: Path) -> str:

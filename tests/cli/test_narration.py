@@ -16,6 +16,7 @@ from rich.console import Console
 
 from aatri.cli.run_ending import judgement, say_end
 from aatri.cli.terminal.compiling import wait_for
+from aatri.cli.terminal.console import NARRATED
 from aatri.cli.terminal.live import Live
 from aatri.cli.terminal.narrator import Narrator
 from aatri.notes import CONTRADICTION
@@ -237,6 +238,19 @@ def test_a_list_of_which_the_judgement_names_the_worst_is_not_told_again(
     assert lines == ["warning: bundle: p1: far"]
 
 
+@pytest.mark.parametrize(("plugin", "text"), [("block/photos", "water"), ("block/photos", "`mask` of images.csv"),
+                                              ("block/tables", "`mask` of images.csv")])  # fmt: skip
+def test_tables_that_a_warning_names_are_to_be_had_of_any_block(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], plugin: str, text: str
+) -> None:
+    record = {"stage": "photos", "plugin": plugin, "seconds": 1.0, "metrics": {}, "inputs": {}}
+    page = {"judgement": "", "problems": [{"text": text, "stage": "bundle"}]}
+    (tmp_path / "report.json").write_text(json.dumps(page))
+    say_end(Path("runs/b"), [record], tmp_path / "report.html", [])
+    told = "aatri export runs/b:photos tables FOLDER" in capsys.readouterr().out
+    assert told == (plugin == "block/photos" and "images.csv" in text)
+
+
 def test_lengths_of_a_block_without_a_scale_are_units_of_the_model(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -244,5 +258,17 @@ def test_lengths_of_a_block_without_a_scale_are_units_of_the_model(
     record = {"stage": "accuracy", "plugin": "x", "seconds": 1.0, "metrics": lengths, "inputs": {}}
     (tmp_path / "report.json").write_text(json.dumps({"judgement": "", "facts": {METRES_OF_MODEL: "no scale"}}))
     say_end(tmp_path, [record], tmp_path / "report.html", [])
-    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("RMS"))
+    out = capsys.readouterr().out
+    line = next(line for line in out.splitlines() if line.startswith("RMS"))
     assert line.split()[-7:] == ["units", "of", "the", "model", "0.000764", "0.5", "20"]
+    assert out.endswith("m and mm in warnings are no scale.\n")
+
+
+def test_reading_that_takes_long_tells_how_far_it_is(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("aatri.cli.terminal.console.PROGRESS_S", 1e9)
+    NARRATED.progress(1, 3, "photographs")
+    monkeypatch.setattr("aatri.cli.terminal.console.PROGRESS_S", -1.0)
+    NARRATED.progress(2, 3, "photographs")
+    assert capsys.readouterr().err == "photographs 2 of 3\n"

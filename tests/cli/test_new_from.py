@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from aatri.artifacts.block import Exterior, StripIds
 from aatri.cli.main import app
-from aatri.cli.new_from import _counted
+from aatri.cli.new_from import counted
 from aatri.formats.navigation.photo_folder import read_photographs
 from aatri.formats.registry.settings import settings_of
 from aatri.formats.registry.sources import read_all
@@ -51,11 +51,24 @@ def test_a_project_of_opensfm_becomes_a_pipeline_that_runs(tmp_path: Path) -> No
     assert folder.is_dir()
 
 
+def test_several_files_may_follow_one_from(tmp_path: Path) -> None:
+    folder = write_project(tmp_path / "odm" / "opensfm")
+    result = invoked("new", tmp_path / "mine", "--from", folder / "tracks.csv", folder / "reconstruction.json")
+    assert result.exit_code == 0, result.stderr
+    text = (tmp_path / "mine" / "pipeline.yaml").read_text()
+    assert "tracks.csv" in text
+    assert "reconstruction.json" in text
+    assert "aatri export RUN:block tables FOLDER" in text
+    refused = invoked("new", tmp_path / "other", tmp_path / "a", tmp_path / "b", "--block", "photos")
+    assert refused.exit_code == 2
+    assert "a second path" in refused.stderr
+
+
 def test_photographs_without_attitudes_have_positions(tmp_path: Path) -> None:
     image = pytest.importorskip("PIL.Image").new("L", (WIDTH, HEIGHT))
     for k in range(2):
         image.save(tmp_path / f"{k}.jpg", exif=exif_of(np.array([10.0 * k, 0.0, 100.0]), k))
-    assert _counted(read_photographs(tmp_path)) == ["1 camera", "2 images", "2 positions", "frame EPSG:4979"]
+    assert counted(read_photographs(tmp_path)) == ["1 camera", "2 images", "2 positions", "frame EPSG:4979"]
 
 
 @pytest.mark.slow

@@ -57,6 +57,7 @@ def _suspects(
         ([3.2e-5, 1.0e-6], "32.0 and 1.0 um"),
         ([1530.2], "1530 m"),
         ([0.0, 3e-12], "0 and 0 mm"),  # exact control, and what arithmetic leaves of it
+        ([5e-13, 1.5e-9], "0 and 0 mm"),  # the same at a northing of 6284 km
     ],
 )
 def test_lengths_stand_in_the_unit_of_the_largest(lengths_m, text) -> None:

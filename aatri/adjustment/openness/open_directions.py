@@ -8,9 +8,10 @@ import numpy as np
 
 from aatri.adjustment.openness.limits import NAMED
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
+from aatri.adjustment.unknowns import Unknowns
 from aatri.arrays import Float, Int
 from aatri.errors import GeometryError
-from aatri.ids import several
+from aatri.ids import several, shown
 from aatri.notes import Note
 
 Move = Literal["scale", "tilt", "azimuth", "shift"]
@@ -97,12 +98,12 @@ class OpenDirections:
 
 
 def described(problem: IndexedProblem, vector: Float) -> OpenCombination:
-    """The unknowns that take part most in a null vector: of each label up to four, or the one with most and a count.
+    """The unknowns that take part most in a null vector, group by group, of up to four blocks by name.
 
     A label takes part where one of its unknowns does, or all blocks together: what many blocks share, as the heights of
     all images where the principal distance is open, is small in each of them.
     """
-    shares: list[tuple[float, float, str, tuple[str, str], int]] = []
+    shares: list[tuple[float, float, Unknowns, int, list[int]]] = []
     for u in problem.unknowns:
         columns = problem.layout.columns(u.name, u.size)
         size = np.where(columns >= 0, np.abs(vector[np.maximum(columns, 0)]), 0.0)
@@ -111,13 +112,21 @@ def described(problem: IndexedProblem, vector: Float) -> OpenCombination:
             total, most = float((own**2).sum()), float(own.max(initial=0.0))
             if total > 0:
                 large = np.argsort(-own, kind="stable")[: int((own > NAMED * most).sum())].tolist()
-                named = " with ".join(u.label(k, scalar) for k in large)
-                many = f"{u.label(large[0], scalar)} and {len(large) - 1} more"
-                shares.append((total, most, named if len(large) <= 4 else many, (u.labels[scalar], u.name), len(large)))
+                shares.append((total, most, u, scalar, large))
     shares.sort(key=lambda share: -share[0])
     largest = max((own for _, own, *_ in shares), default=0.0)
     members = [share for share in shares if share[0] > NAMED**2 * shares[0][0] or share[1] > NAMED * largest][:5]
-    text = " with ".join(name for _, _, name, *_ in members) or "unknowns of no group"
+    names = dict.fromkeys(u.name for _, _, u, *_ in members)
+    text = " with ".join(_of_group([(u, *which) for _, _, u, *which in members if u.name == name]) for name in names)
     return OpenCombination(
-        text, unknowns=tuple(unknown for *_, unknown, _ in members), counts=tuple(count for *_, count in members)
+        text or "unknowns of no group",
+        unknowns=tuple((u.labels[scalar], u.name) for *_, u, scalar, _ in members),
+        counts=tuple(len(large) for *_, large in members),
     )
+
+
+def _of_group(members: Sequence[tuple[Unknowns, int, list[int]]]) -> str:
+    """Labels of one group, and the blocks that have them: `rotation about X, X0 of image 7, 8`."""
+    u, blocks = members[0][0], list(dict.fromkeys(k for *_, large in members for k in large))
+    labels = ", ".join(u.labels[scalar] for _, scalar, _ in members)
+    return f"{labels} of {u.name} {shown((str(u.ids[k]) for k in blocks), 4)}"

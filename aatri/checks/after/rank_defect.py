@@ -33,7 +33,10 @@ _SHIFTS = (
     "every group of positions has a shift of its own: give control, positions in no group (`drift_group` in "
     "exterior.csv, empty), or take the positions as they are by `positions: {drift: none}`"
 )
-_PART = "too few points join it to the rest: measure more of them, or give control or positions in it"
+_PART = (
+    "too few points join it to the rest: measure more of them, or give control or positions in it "
+    "(`use: observed` makes measured ones of start values)"
+)
 _TURN = "control on one line (or two points) leaves the turn about it open: give a height or a position away from it"
 _SCALE = "no distance, no second control point and no positions give the size: observe one of them"
 _SET = "no direction to a known point and no azimuth orients it: observe one"

@@ -8,6 +8,7 @@ import functools
 import json
 import os
 import sys
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -22,6 +23,9 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 INTERRUPTED, PIPE_CLOSED = 130, 141
+
+PROGRESS_S = 3.0
+"""Seconds between two lines that say how far something is."""
 
 
 def reports_errors(verb: Callable[P, T]) -> Callable[P, T]:
@@ -86,6 +90,9 @@ def narrate(text: str) -> None:
 class Narrated:
     """A reporter whose lines are narrated."""
 
+    def __init__(self) -> None:
+        self._last_s = time.monotonic()
+
     def log(self, message: str) -> None:
         """Tell a line."""
         narrate(message)
@@ -95,7 +102,10 @@ class Narrated:
         narrate(f"warning: {message}")
 
     def progress(self, done: int, total: int, what: str = "") -> None:
-        """Drop the figure."""
+        """Tell how far it is, now and then."""
+        if time.monotonic() - self._last_s > PROGRESS_S:
+            self._last_s = time.monotonic()
+            narrate(f"{what} {done} of {total}")
 
 
 NARRATED = Narrated()
