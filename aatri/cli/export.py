@@ -76,7 +76,7 @@ def export(
     if form == "slurm":
         _write_script(Path(what), folder, overwrite=overwrite)
         return
-    from aatri.cli.arguments.planning import warn_if_stale
+    from aatri.cli.plan_table import warn_if_stale
     from aatri.formats.registry.export import written_format
 
     written_format(form, OTHERS)

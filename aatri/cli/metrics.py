@@ -17,7 +17,7 @@ def metrics(
     json: Annotated[bool, typer.Option("--json", help="As JSON: {stage: {metric: value}}.")] = False,
 ) -> None:
     """Show the figures of all stages of a run."""
-    from aatri.cli.arguments.planning import warn_if_stale
+    from aatri.cli.plan_table import warn_if_stale
     from aatri.pipeline.spec.gates import figures_of
     from aatri.pipeline.store import run_folder as store
 

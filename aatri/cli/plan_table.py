@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from aatri.cli.terminal.console import say, say_table
+from aatri.cli.terminal.console import narrate, say, say_table
+from aatri.errors import AatriError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from aatri.cli.arguments.planning import Opened
     from aatri.pipeline.plan.decisions import Decision, Plan
@@ -56,3 +58,18 @@ def reasons_text(reasons: Sequence[Reason]) -> str:
     if above:
         texts.append(f"perhaps other {', '.join(above)}")
     return "; ".join(texts)
+
+
+def warn_if_stale(named: Path | None, stage: str = "") -> None:
+    """Say which results of a run, or that of a stage, are not what its pipeline would make now."""
+    from aatri.cli.arguments.planning import open_run
+
+    try:
+        decisions = open_run(named, quiet=True, background=True).plan().decisions
+    except AatriError as error:
+        narrate(f"note: whether this is up to date is not known: {error.what}")
+        return
+    stale = [d for d in decisions if d.record is None and stage in ("", d.stage)]
+    if stale:
+        names = ", ".join(d.stage for d in stale)
+        narrate(f"warning: not up to date: {names} ({reasons_of(stale[0])}); `aatri run` makes it again")

@@ -69,7 +69,7 @@ def show(
 
 
 def _file(what: str) -> Path:
-    from aatri.cli.arguments.planning import warn_if_stale
+    from aatri.cli.plan_table import warn_if_stale
     from aatri.pipeline.store import run_folder as store
 
     if what.endswith(".h5"):

@@ -117,7 +117,9 @@ def described(problem: IndexedProblem, vector: Float) -> OpenCombination:
     largest = max((own for _, own, *_ in shares), default=0.0)
     members = [share for share in shares if share[0] > NAMED**2 * shares[0][0] or share[1] > NAMED * largest][:5]
     names = dict.fromkeys(u.name for _, _, u, *_ in members)
-    text = " with ".join(_of_group([(u, *which) for _, _, u, *which in members if u.name == name]) for name in names)
+    text = " with ".join(
+        _of_group([(u, k, large) for _, _, u, k, large in members if u.name == name]) for name in names
+    )
     return OpenCombination(
         text or "unknowns of no group",
         unknowns=tuple((u.labels[scalar], u.name) for *_, u, scalar, _ in members),

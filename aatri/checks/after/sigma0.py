@@ -84,10 +84,10 @@ def sigma0(
             return [Finding("sigma0", "note", text, statistic=follow.sigma0)]
     note = sigma0_note(test, "" if scale == 1.0 else "with standard deviations that fit")
     remedy = REMEDY if note.level == "warning" else ""
-    found = [Finding("sigma0", note.level, note.text, remedy, statistic=test.sigma0)]
+    of_all = Finding("sigma0", note.level, note.text, remedy, statistic=test.sigma0)
     largest = "" if searched else _standing_out(result)
     text = f"nothing was looked for (`blunders: none`){largest}"
-    return [*found, Finding("sigma0", "warning", text, LOOK)] if largest else found
+    return [of_all, Finding("sigma0", "warning", text, LOOK)] if largest else [of_all]
 
 
 def _standing_out(result: BundleResult) -> str:
@@ -97,5 +97,7 @@ def _standing_out(result: BundleResult) -> str:
         limit_of_tests(result.adjusted.observations) * max(1.0, result.adjusted.sigma0),
     )
     tests = [(o.observed, np.where(o.used, tests_of(o, state), np.nan)) for o in result.observations]
-    out = sorted(((w[k], o.kind, o.label(k)) for o, w in tests for k in np.flatnonzero(w > limit)), reverse=True)
+    out = sorted(
+        ((w[k], o.kind, o.label(k)) for o, w in tests for k in np.flatnonzero(w > limit).tolist()), reverse=True
+    )
     return "; largest tests: " * bool(out) + ", ".join(f"{kind} {name} {w:.3g} sigma" for w, kind, name in out[:MOST])

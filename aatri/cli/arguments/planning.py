@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from aatri.cli.arguments.locate import DEFAULT, overview_of, run_or_pipeline
 from aatri.cli.terminal.compiling import wait_for
 from aatri.cli.terminal.console import is_terminal, narrate
-from aatri.errors import AatriError, ArtifactError, SpecError
+from aatri.errors import ArtifactError, SpecError
 from aatri.ids import several
 
 if TYPE_CHECKING:
@@ -202,18 +202,3 @@ def open_run(
         local_plugins,
     )
     return open_request(request, quiet=quiet, background=background)
-
-
-def warn_if_stale(named: Path | None, stage: str = "") -> None:
-    """Say which results of a run, or that of a stage, are not what its pipeline would make now."""
-    from aatri.cli.plan_table import reasons_of
-
-    try:
-        decisions = open_run(named, quiet=True, background=True).plan().decisions
-    except AatriError as error:
-        narrate(f"note: whether this is up to date is not known: {error.what}")
-        return
-    stale = [d for d in decisions if d.record is None and stage in ("", d.stage)]
-    if stale:
-        names = ", ".join(d.stage for d in stale)
-        narrate(f"warning: not up to date: {names} ({reasons_of(stale[0])}); `aatri run` makes it again")
