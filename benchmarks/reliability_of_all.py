@@ -19,8 +19,7 @@ from typing import Any
 
 from aatri.adapters.observation_tables import reliability_table
 from aatri.orientation.bundle.adjust import adjust_bundle
-from aatri.orientation.bundle.gains import gains_of_observations
-from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.result import BundleResult, gains_of_observations
 from aatri.orientation.bundle.settings import BundleSettings
 from benchmarks.blocks import BLOCKS, made_block
 from benchmarks.programs import _bundle_input

@@ -9,7 +9,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.observations.poses import Poses
-from aatri.orientation.relative.image_pairs import common_points
+from aatri.orientation.relative.orientations import common_points
 
 FEWEST = 6
 """Common points from which on two images are a model."""

@@ -22,9 +22,8 @@ from aatri.geometry.coplanarity import RayPairs
 from aatri.notes import Note, tell
 from aatri.orientation.relative.connected_pairs import classical_model_points
 from aatri.orientation.relative.equal_weights import Equation, with_equal_weights
-from aatri.orientation.relative.image_pairs import ImagePairs
 from aatri.orientation.relative.image_scale import limit_of, with_sigmas
-from aatri.orientation.relative.orientations import RelativeOrientations
+from aatri.orientation.relative.orientations import ImagePairs, RelativeOrientations
 from aatri.orientation.relative.pairs import oriented_by, relative_orientations
 from aatri.plugin import Context, Field, InputPath, Options
 

@@ -10,7 +10,7 @@ from aatri.artifacts.strips import Strips
 from aatri.checks.after.of_stage import findings_of
 from aatri.checks.finding import report
 from aatri.geometry.strip_bases import Form, strip_basis
-from aatri.orientation.bodies.strip_options import StripBlockOptions
+from aatri.orientation.bodies.determined_degrees import StripBlockOptions
 from aatri.plugin import Context
 
 

@@ -14,7 +14,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.artifacts.strips import Strips
-from aatri.orientation.bodies.strip_options import StripBlockOptions
+from aatri.orientation.bodies.determined_degrees import StripBlockOptions
 from aatri.plugin import SILENT, Context, Field, stage
 
 from ._strip_block import strip_block

@@ -32,7 +32,7 @@ from aatri.adapters.pairs.image_pairs import neighbouring_images, pair_names, pa
 from aatri.geometry.coplanarity import sampson
 from aatri.geometry.intersection import intersect_pair
 from aatri.geometry.vectors import tangents
-from aatri.orientation.relative.image_pairs import ImagePairs
+from aatri.orientation.relative.orientations import ImagePairs
 from aatri.stages.bundle_adjustment.bundle import BundleOptions
 from tests.campaigns.gross_errors import DELTA0, Spoilt, _above, image_points, stays_out
 from tests.orientation.strips.reference import ModelRows, log_scales

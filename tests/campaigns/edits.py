@@ -39,11 +39,16 @@ ROOT = Path(__file__).resolve().parents[2]
 WARM = ("numpy", "scipy.linalg", "scipy.stats", "scipy.sparse", "scipy.spatial", "h5py", "numba", "pydantic", "typer")
 CLEAN_EVERY = 25
 OPTIONS = {
-    "interior": ("test_limit", 4.0), "models": ("snooping_limit", 4.0), "strips": ("snooping_limit", 4.0),
-    "absolute": ("control_limit", 5.0), "strip_block": ("limit", 4.0), "bundle": ("max_iterations", 30),
-    "accuracy_absolute": ("confidence", 0.95), "accuracy_strip_block": ("confidence", 0.95),
+    "interior": ("test_limit", 4.0),
+    "models": ("snooping_limit", 4.0),
+    "strips": ("snooping_limit", 4.0),
+    "absolute": ("control_limit", 5.0),
+    "strip_block": ("limit", 4.0),
+    "bundle": ("max_iterations", 30),
+    "accuracy_absolute": ("confidence", 0.95),
+    "accuracy_strip_block": ("confidence", 0.95),
     "accuracy": ("confidence", 0.95),
-}  # fmt: skip
+}
 DATA = "  block:       {use: block/tables, with: {path: block}}\n"
 
 

@@ -28,8 +28,7 @@ from aatri.camera.parameters.catalogue import INTERIOR, is_ideal
 from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import ADDITIONAL, CAMERA, FILM_PRIOR
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.gains import gains_of_observations
-from aatri.orientation.bundle.result import BundleResult, without_absent
+from aatri.orientation.bundle.result import BundleResult, gains_of_observations, without_absent
 from aatri.orientation.bundle.rounds import AdjustedBlock
 
 NOTHING_OF_CAMERAS = ParameterTables()

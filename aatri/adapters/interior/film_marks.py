@@ -19,8 +19,8 @@ from aatri.errors import InputError
 from aatri.geometry.plane_transformations import open_basis
 from aatri.ids import several
 from aatri.orientation.interior.fiducial_fit import FiducialFit, fewest_marks, snooped_fiducials
-from aatri.orientation.interior.fiducial_numbering import is_misfit
 from aatri.orientation.interior.film_deformation import prediction_sigma_mm, scales_and_shear
+from aatri.orientation.interior.mark_tests import is_misfit
 
 
 @dataclass(frozen=True)

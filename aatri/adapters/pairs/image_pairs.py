@@ -14,7 +14,7 @@ from aatri.errors import InputError
 from aatri.geometry.coplanarity import RayPairs
 from aatri.ids import several, shown
 from aatri.notes import Note
-from aatri.orientation.relative.image_pairs import ImagePairs, common_points
+from aatri.orientation.relative.orientations import ImagePairs, common_points
 from aatri.orientation.strips.overlap_order import strips_by_overlap
 
 

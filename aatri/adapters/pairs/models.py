@@ -20,8 +20,7 @@ from aatri.orientation.graph.pair_graph import PairGraph, RotationPairs
 from aatri.orientation.relative.connected_pairs import Connection
 from aatri.orientation.relative.elements import DEPENDENT, INDEPENDENT, dependent_elements, independent_elements
 from aatri.orientation.relative.film import film_in_orientations
-from aatri.orientation.relative.image_pairs import ImagePairs
-from aatri.orientation.relative.orientations import EssentialOrientations, RelativeOrientations
+from aatri.orientation.relative.orientations import EssentialOrientations, ImagePairs, RelativeOrientations
 
 SCALE = "scale"
 """Name of the element that tells the scale of a model in units of the model before."""

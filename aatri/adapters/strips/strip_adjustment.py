@@ -41,8 +41,8 @@ from aatri.orientation.bodies.deformation import (
     sigma0_notes,
 )
 from aatri.orientation.bodies.deformed_covariances import DeformedCovariances, covariance_notes, deformed_covariances
+from aatri.orientation.bodies.determined_degrees import StripBlockOptions
 from aatri.orientation.bodies.free_body import at_a_distance
-from aatri.orientation.bodies.strip_options import StripBlockOptions
 from aatri.orientation.bodies.strip_polynomials import StripPolynomials, adjust_strip_polynomials, fall_notes
 from aatri.orientation.resection.adjustment import resect_images
 

@@ -19,7 +19,7 @@ from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.control import Control
 from aatri.orientation.bodies.component_growth import BodyPoints
-from aatri.orientation.bodies.polynomial_ties import in_axes
+from aatri.orientation.bodies.similarity_ties import in_axes
 from aatri.orientation.bodies.strip_polynomials import StripPolynomials, textbook_counts
 
 AXES = ("origin_X_m", "origin_Y_m", "origin_Z_m", "half_range_U_m", "half_range_V_m", "azimuth_of_U_rad")

@@ -18,8 +18,7 @@ from aatri.checks.after.of_stage import findings_of
 from aatri.checks.finding import Finding
 from aatri.checks.limits import OUT_OF_SEQUENCE
 from aatri.ids import several
-from aatri.orientation.relative.image_pairs import ImagePairs
-from aatri.orientation.relative.orientations import RelativeOrientations
+from aatri.orientation.relative.orientations import ImagePairs, RelativeOrientations
 
 
 def findings_of_models(

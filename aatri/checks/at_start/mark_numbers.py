@@ -14,7 +14,7 @@ from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.checks.finding import Finding
 from aatri.orientation.interior.fiducial_fit import FiducialFit, fit_fiducials
-from aatri.orientation.interior.fiducial_numbering import is_misfit, renumbering, scale_problem
+from aatri.orientation.interior.mark_tests import is_misfit, renumbering, scale_problem
 
 MIRROR = np.array([1.0, -1.0])
 

@@ -217,8 +217,9 @@ def _members(document: JsonText, members: Mapping[tuple[str, str], int | None]) 
     for row, pair in enumerate(ordered):
         if (sensor := members[pair]) is None:
             continue
-        for k, (part, names) in enumerate((("translation", ("values_m", "sigmas_m")),
-                                           ("rotation", ("angles_deg", "sigmas_deg")))):  # fmt: skip
+        for k, (part, names) in enumerate(
+            (("translation", ("values_m", "sigmas_m")), ("rotation", ("angles_deg", "sigmas_deg")))
+        ):
             for j, name in enumerate(names):
                 keys: tuple[Key, ...] = ("sensors", sensor, "rig_relatives", part, name)
                 values[2 * k + j, row] = document.numbers(*keys, count=3)

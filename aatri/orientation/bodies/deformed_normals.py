@@ -18,7 +18,7 @@ from scipy.sparse import bsr_array, csr_array
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.strip_bases import StripAxes, StripBasis
 from aatri.orientation.bodies.component_growth import BodyPoints
-from aatri.orientation.bodies.polynomial_ties import in_axes
+from aatri.orientation.bodies.similarity_ties import in_axes
 from aatri.orientation.bodies.summed_deformation import HIGHEST, causes, functions
 
 

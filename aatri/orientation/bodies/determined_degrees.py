@@ -9,11 +9,15 @@ are determined:
 
 Both are judged with equal weights of all strips' points and control held, so that they depend on geometry alone: then
 plan and height have nothing to do with each other. N is what the elimination of the ground points leaves.
+
+Options of the adjustment of strips are the highest degrees, by free strips or by strips of the block, and limits.
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 from scipy.linalg import eigh
 
 from aatri.adjusting.added_variance import observed_components
@@ -21,8 +25,11 @@ from aatri.adjusting.tied_problem import TiedProblem
 from aatri.adjustment.elimination.reduced import reduced_normals
 from aatri.adjustment.structure.weights import with_weights
 from aatri.adjustment.threads import one_blas_thread
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, Text
+from aatri.errors import InputError
 from aatri.geometry.strip_bases import SECOND_DEGREE, StripBasis
+from aatri.ids import shown
+from aatri.options import Options
 
 RANK = 1e-7
 WORST = 2.0
@@ -30,6 +37,64 @@ HELD = 1e-2
 """Standard deviation of control, as a share of that of the strips' points."""
 
 PARTS = ("plan", "height")
+
+
+class StripBlockOptions(Options):
+    """Options of a strip block adjustment."""
+
+    degree: int = Field(2, ge=0, le=3, description="highest degree; it falls where control and ties determine less")
+    degrees: dict[str, Annotated[int, Field(ge=0, le=3)]] = Field(
+        {}, description="highest degree of single strips, by their ids; the others have `degree`"
+    )
+    limit: float | None = Field(
+        None, gt=0, description="test statistic of a wrong tie or control point, in sigma; null: by the number of tests"
+    )
+    max_sigma0: float | None = Field(
+        None,
+        gt=0,
+        description="an error where strips deform by so many times what their length explains; null: a warning "
+        "beyond 20 times",
+    )
+    reliability: bool = Field(
+        False, description="redundancy numbers, test statistics and detectable errors of all observations"
+    )
+
+    @property
+    def degrees_requested(self) -> bool:
+        """A degree is stated: that it falls is a warning then."""
+        return bool({"degree", "degrees"} & self.model_fields_set)
+
+    @property
+    def highest_degree(self) -> int:
+        """Of all strips."""
+        return max(self.degree, *self.degrees.values()) if self.degrees else self.degree
+
+    def degrees_of(self, names: Text) -> Int:
+        """Highest degree of every strip, (n_strips,).
+
+        Parameters
+        ----------
+        names : (n_strips,) str
+            Ids of free strips: those of the block, with .1 .2 ... where a strip is broken.
+
+        Raises
+        ------
+        InputError
+            If an id is that of no strip.
+        """
+        degrees = np.full(len(names), self.degree)
+        ids = [str(name) for name in names]
+        unsplit = [name.rpartition(".")[0] if name.rpartition(".")[2].isdigit() else name for name in ids]
+        for strip, value in self.degrees.items():
+            of_name = [k for k, name in enumerate(ids) if name == strip]
+            of_name = of_name or [k for k, name in enumerate(unsplit) if name == strip]
+            if not of_name:
+                raise InputError(
+                    f"`degrees` names strip {strip}, which is not among the strips {shown(ids)}",
+                    remedy="give ids of free strips, as the log of strip formation lists them",
+                )
+            degrees[of_name] = value
+        return degrees
 
 
 @dataclass(frozen=True)

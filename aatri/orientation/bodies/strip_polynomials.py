@@ -25,7 +25,7 @@ from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, STRIP_TIE
 from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.determined_degrees import PARTS, Fall, determined_degrees, kept_coefficients
-from aatri.orientation.bodies.polynomial_ties import polynomial_ties, products_of_points
+from aatri.orientation.bodies.similarity_ties import polynomial_ties, products_of_points
 
 MOST_NAMED = 6
 """Strips that fell alike, up to which each has a warning of its own."""

@@ -15,8 +15,7 @@ from aatri.geometry.intersection import intersect_rays
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.resection.adjustment import MIN_POINTS, resect_images
-from aatri.orientation.resection.linear import FEWEST, linear_orientation
-from aatri.orientation.resection.start import LEAST_SHARE, WIDE_RAD, start_orientation
+from aatri.orientation.resection.start import FEWEST, LEAST_SHARE, WIDE_RAD, linear_orientation, start_orientation
 
 MOST_PARTNERS = 8
 """Rays of a point with which each of them is tried."""

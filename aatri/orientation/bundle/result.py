@@ -1,4 +1,8 @@
-"""An adjusted block: poses, points and parameters with their covariances, and the observations held against them."""
+"""An adjusted block: poses, points and parameters with their covariances, and the observations held against them.
+
+How errors of its observations move the points and images they touch takes one more way down the tree, with the gains of
+all records; for a free datum they are carried over to inner constraints.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -7,6 +11,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
+from aatri.adjustment.covariance.gains import Gains
+from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.records import Records
 from aatri.adjustment.statistics.limits import ALARM
 from aatri.adjustment.stepping.adjusted import Adjusted
@@ -16,7 +22,7 @@ from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.free_datum import FreeDatum
+from aatri.orientation.bundle.free_datum import FreeDatum, transformation_of
 
 
 @dataclass(frozen=True)
@@ -150,3 +156,24 @@ def distance_tests(result: BundleResult, rays: ImagePointRows) -> tuple[Float, F
     distance_m = np.linalg.norm(away_m, axis=1)
     along = np.einsum("ni,nij,nj->n", away_m, result.point_covariance_m2, away_m) / distance_m**2
     return distance_m, distance_m / np.sqrt(np.where(result.point_adjusted & (along > 0), along, np.nan))
+
+
+def gains_of_observations(result: BundleResult) -> list[Gains | None]:
+    """Gains of each of the observations, for the rows that take part; None where they are exact or none takes part.
+
+    Parameters
+    ----------
+    result : BundleResult
+        Of least squares, with its factor or without.
+    """
+    adjusted = result.adjusted
+    if not adjusted.has_factor:
+        return [None] * len(result.observations)
+    marginal = marginal_covariances(adjusted, gains_of=(POINT, POSE))
+    if result.free is not None:
+        determined = np.asarray(np.isfinite(marginal.groups[POINT]).all(axis=(1, 2)))
+        transformation = transformation_of(result.free, adjusted, determined)
+        for records, gains in zip(adjusted.problem.records, marginal.gains):
+            transformation.move_gains(gains, records, adjusted.state)
+    in_turn = iter(marginal.gains)
+    return [None if o.observed.exact or not len(o.rows) else next(in_turn) for o in result.observations]

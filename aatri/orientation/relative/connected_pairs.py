@@ -25,8 +25,7 @@ import numpy as np
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.coplanarity import RayPairs
 from aatri.orientation.relative.connected import Before, Connected, connected_orientation
-from aatri.orientation.relative.image_pairs import ImagePairs
-from aatri.orientation.relative.orientations import RelativeOrientations, refresh_points
+from aatri.orientation.relative.orientations import ImagePairs, RelativeOrientations, refresh_points
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,7 @@ from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents, unit
 from aatri.orientation.relative.elements import along_track, left_rotation, turn_of_left
-from aatri.orientation.relative.image_pairs import ImagePairs
-from aatri.orientation.relative.orientations import RelativeOrientations, refresh_points
+from aatri.orientation.relative.orientations import ImagePairs, RelativeOrientations, refresh_points
 
 Equation = Literal["rigorous", "q", "determinant"]
 

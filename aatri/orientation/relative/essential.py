@@ -18,7 +18,7 @@ from aatri.arrays import Bool, Float, Int
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
-from aatri.orientation.relative.degenerate import NO_BASE, angle_sigmas, degenerate_pairs
+from aatri.orientation.relative.critical import NO_BASE, angle_sigmas, degenerate_pairs
 from aatri.orientation.relative.from_consensus import SAMPLES, FromConsensus
 from aatri.orientation.relative.image_scale import limit_of, with_image_scale, with_sigmas
 from aatri.orientation.relative.kernels.snooping import SNOOPED

@@ -15,8 +15,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.geometry.coplanarity import coplanarity, essential_matrix, sampson
 from aatri.geometry.vectors import tangents
-from aatri.orientation.relative.image_pairs import ImagePairs
-from aatri.orientation.relative.orientations import RelativeOrientations
+from aatri.orientation.relative.orientations import ImagePairs, RelativeOrientations
 
 
 def film_in_orientations(

@@ -16,8 +16,13 @@ from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
 from aatri.geometry.coplanarity import RayPairs
 from aatri.orientation.relative.by_chance import fit_by_chance
-from aatri.orientation.relative.critical import MANY_REJECTED, WEAK_RAD, critical_configuration, judged
-from aatri.orientation.relative.degenerate import degenerate_pairs
+from aatri.orientation.relative.critical import (
+    MANY_REJECTED,
+    WEAK_RAD,
+    critical_configuration,
+    degenerate_pairs,
+    judged,
+)
 from aatri.orientation.relative.kernels.model_points import intersect
 from aatri.orientation.relative.kernels.sampson import OPEN
 from aatri.orientation.relative.kernels.snooping import snoop

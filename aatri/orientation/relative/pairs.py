@@ -24,10 +24,9 @@ import numpy as np
 from aatri.arrays import Bool, Int
 from aatri.geometry.coplanarity import RayPairs, parallax
 from aatri.geometry.intersection import intersect_pair
-from aatri.orientation.relative.image_pairs import ImagePairs
 from aatri.orientation.relative.image_scale import limit_of, with_image_scale
 from aatri.orientation.relative.loops import ENOUGH, FEWEST, Portion, from_parallel, oriented_from
-from aatri.orientation.relative.orientations import PairSettings, RelativeOrientations
+from aatri.orientation.relative.orientations import ImagePairs, PairSettings, RelativeOrientations
 from aatri.progress import SILENT, Reporter
 
 

@@ -257,8 +257,9 @@ class _Run:
 
     def _start(self, node: StageNode, decision: Decision, workers: WorkerPool) -> Future[TaskOutcome]:
         self.listener.started(node.name, node.method.name, self.numbers[node.name], len(self.nodes))
-        self.events.add("stage started", stage=node.name, key=decision.key,
-                        reasons=[reason.plain() for reason in decision.reasons])  # fmt: skip
+        self.events.add(
+            "stage started", stage=node.name, key=decision.key, reasons=[reason.plain() for reason in decision.reasons]
+        )
         if self.settings.compiled is not None:
             self.settings.compiled(node.code.modules)
         return workers.submit(task_of(self.spec, node, decision, self.records, self.settings.source))

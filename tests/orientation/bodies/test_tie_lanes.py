@@ -14,8 +14,7 @@ from aatri.geometry.strip_bases import strip_axes
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, STRIP_TIE
 from aatri.orientation.bodies.component_growth import BodyPoints
-from aatri.orientation.bodies.polynomial_ties import polynomial_ties
-from aatri.orientation.bodies.similarity_ties import Similarities, similarity_ties
+from aatri.orientation.bodies.similarity_ties import Similarities, polynomial_ties, similarity_ties
 
 RNG = np.random.default_rng(8)
 N, POINTS, STRIPS = 40, 15, 3

@@ -20,8 +20,7 @@ from aatri.observations.control import Control
 from aatri.observations.poses import POINT, POSE
 from aatri.observations.positions import Positions
 from aatri.orientation.bundle.blunders.search import _Search
-from aatri.orientation.bundle.gains import gains_of_observations
-from aatri.orientation.bundle.result import BundleResult
+from aatri.orientation.bundle.result import BundleResult, gains_of_observations
 from tests.adjustment.reference import dense_jacobian, free_columns
 from tests.orientation.bundle.made_bundle import made_bundle
 from tests.orientation.bundle.parts import Parts, adjust_bundle

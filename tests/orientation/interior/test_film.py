@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from aatri.geometry.plane_transformations import open_basis
-from aatri.orientation.interior.fiducial_numbering import is_misfit, renumbering, scale_problem
 from aatri.orientation.interior.film_deformation import (
     prediction_sigma_mm,
     scales_and_shear,
     shear_or_stretch,
     turn_rad,
 )
+from aatri.orientation.interior.mark_tests import is_misfit, renumbering, scale_problem
 
 # Exchanged numbers, mirrored marks and wrong scales are recognised.
 

@@ -17,8 +17,7 @@ from aatri.geometry.coplanarity import RayPairs, parallax, sampson
 from aatri.geometry.intersection import Intersection, intersect_pair
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents, unit
-from aatri.orientation.relative.critical import judged
-from aatri.orientation.relative.degenerate import degenerate_pairs
+from aatri.orientation.relative.critical import degenerate_pairs, judged
 from aatri.orientation.relative.kernels.snooping import MANY, ROUNDS, SNOOPED
 from aatri.orientation.relative.kernels.start import FITS
 from aatri.orientation.relative.loops import BEHIND, ENOUGH, FALLBACKS, FEWEST

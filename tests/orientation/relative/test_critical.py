@@ -9,8 +9,7 @@ import pytest
 
 from aatri.errors import GeometryError
 from aatri.geometry.coplanarity import RayPairs
-from aatri.orientation.relative.critical import GENERAL, critical_configuration
-from aatri.orientation.relative.degenerate import degenerate_pairs
+from aatri.orientation.relative.critical import GENERAL, critical_configuration, degenerate_pairs
 from tests.complex_step import complex_step
 from tests.orientation.relative.pairs import C_MM, gruber_ground, relative_orientation, simulate
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import aatri.adjustment.threads as threads
-import aatri.orientation.relative.degenerate as degenerate
+import aatri.orientation.relative.critical as degenerate
 import aatri.orientation.relative.loops as loops
 import aatri.orientation.relative.pairs as many
 from aatri.adjustment.kernels import snooping
@@ -17,9 +17,9 @@ from aatri.geometry import intersection
 from aatri.geometry.coplanarity import RayPairs, essential_matrix, sampson
 from aatri.geometry.vectors import tangents
 from aatri.orientation.relative.from_consensus import FromConsensus
-from aatri.orientation.relative.image_pairs import common_points
 from aatri.orientation.relative.kernels import model_points
 from aatri.orientation.relative.kernels import sampson as kernel
+from aatri.orientation.relative.orientations import common_points
 from tests.adjustment import dense
 from tests.complex_step import complex_step
 from tests.orientation.relative.pairs import gruber_ground, rays_of, rotation, simulate

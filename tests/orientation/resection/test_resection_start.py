@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from aatri.geometry.rotations import exp_rotation, rotation_from_angles
-from aatri.orientation.resection.linear import linear_orientation
-from aatri.orientation.resection.start import start_orientation, three_point
+from aatri.orientation.resection.start import linear_orientation, start_orientation, three_point
 
 
 def _image(seed: int, n: int):

@@ -38,8 +38,10 @@ def with_datum_points(
     if rays is not None:
         measured = rays(of)
         of = replace(of, image=of.image[measured], point=of.point[measured], xy_mm=of.xy_mm[measured])
-    control = [",".join([f"p{p:02}", *(f"{v!r}" if k in known else "" for k, v in enumerate(of.xyz_m[p].tolist()))])
-               for p, known in axes.items()]  # fmt: skip
+    control = [
+        ",".join([f"p{p:02}", *(f"{v!r}" if k in known else "" for k, v in enumerate(of.xyz_m[p].tolist()))])
+        for p, known in axes.items()
+    ]
     near_m = of.xyz_m[marked] + 10.0 * np.random.default_rng(5).standard_normal((len(marked), 3))
     near = [f"p{p:02},{x!r},{y!r},{z!r},approximate,yes" for p, (x, y, z) in zip(marked, near_m.tolist())]
     ground = "\n".join(["point,X,Y,Z,role,datum", *(f"{row},control,no" for row in control), *near, ""])

@@ -52,8 +52,13 @@ def test_noise_gives_sigma0_near_one(many: Block) -> None:
 def test_a_turned_pixel_scan_gives_the_same_photo_coordinates(block: Block) -> None:
     from_comparator = affine(block)
     pixel = np.array([[0.0, 1 / 0.021], [1 / 0.021, 0.0]])  # a quarter turn, y down, pixels of 21 um
-    cameras = replace(block.cameras, image_coordinates=["pixel"], pixel_size_mm=[[0.021, 0.021]],
-                      pixel_origin=["top-left-corner"], pixel_y=["down"])  # fmt: skip
+    cameras = replace(
+        block.cameras,
+        image_coordinates=["pixel"],
+        pixel_size_mm=[[0.021, 0.021]],
+        pixel_origin=["top-left-corner"],
+        pixel_y=["down"],
+    )
     scanned = replace(
         block,
         cameras=cameras,
@@ -113,8 +118,10 @@ def test_a_blunder_among_four_marks_flags_the_image(block: Block) -> None:
     found = affine(with_marks(block, 6, lambda xy: xy + 0.05 * (np.arange(4) == 0)[:, None]), context=told)
     assert found.suspects.image.tolist() == [block.images.id[6]]
     assert found.suspects.verdict.tolist() == ["kept"]
-    assert any(f"sigma0 of single images is too large, a mark may be wrong: {block.images.id[6]} (12.5)" in text
-               for text in told.warnings)  # fmt: skip
+    assert any(
+        f"sigma0 of single images is too large, a mark may be wrong: {block.images.id[6]} (12.5)" in text
+        for text in told.warnings
+    )
 
 
 def test_an_image_beyond_max_sigma0_is_not_used(block: Block, many: Block) -> None:
@@ -182,8 +189,9 @@ def test_marks_without_standard_deviation_are_refused(block: Block) -> None:
 
 
 def test_digital_images_lose_their_principal_point_only() -> None:
-    block = flown(camera={"kind": "digital", "format": (11500, 11500), "pixel_size_mm": 0.02,
-                          "principal_point_mm": (0.03, -0.05)})  # fmt: skip
+    block = flown(
+        camera={"kind": "digital", "format": (11500, 11500), "pixel_size_mm": 0.02, "principal_point_mm": (0.03, -0.05)}
+    )
     found = calibrated(block)
     wanted = (block.image_points.xy - 5750.0) * [0.02, -0.02] - [0.03, -0.05]
     assert found.measurements.xy_mm == pytest.approx(wanted, abs=1e-12)
@@ -272,8 +280,11 @@ def test_marks_both_mirrored_and_exchanged_are_told_with_the_numbers_that_fit() 
     block = flown(camera={"fiducials": 8}, film={"deformation": False, "rotation_deg": 0.0})
     fiducials, marks = block.fiducials, block.fiducial_points
     aside = np.where(fiducials.id == "5", 30.0, 0.0)[:, None] * [0.0, 1.0]
-    block = replace(block, fiducials=replace(fiducials, xy_mm=fiducials.xy_mm + aside),
-                    fiducial_points=replace(marks, xy=marks.xy + aside[marks.fiducial]))  # fmt: skip
+    block = replace(
+        block,
+        fiducials=replace(fiducials, xy_mm=fiducials.xy_mm + aside),
+        fiducial_points=replace(marks, xy=marks.xy + aside[marks.fiducial]),
+    )
     assert affine(block).interior.sigma0.max() < 1e-6
     with pytest.raises(InputError, match="mirror image, and with their numbers exchanged") as caught:
         affine(with_marks(block, 2, lambda xy: (xy * [-1, 1])[[0, 1, 3, 2, 4, 5, 6, 7]]))

@@ -13,7 +13,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.errors import ConvergenceError, GeometryError, InputError
 from aatri.geometry.rotations import log_rotation
 from aatri.orientation.bodies.deformation import distance_m, most_models
-from aatri.orientation.bodies.strip_options import StripBlockOptions
+from aatri.orientation.bodies.determined_degrees import StripBlockOptions
 from aatri.stages.absolute_orientation.similarity import SimilarityOptions, similarity
 from aatri.stages.strip_adjustment.conformal import conformal
 from aatri.stages.strip_adjustment.polynomial import PolynomialOptions, polynomial
