@@ -142,11 +142,13 @@ class MeasuredPoints(Table):
     point: Int = column("i4", doc="row in points", refers="points")
     xy: Float = column("f8", 2, unit="mm or px", doc="as measured, see cameras.image_coordinates")
     sigma_mm: Float = column("f8", 2, unit="mm", doc="standard deviation on the image", uniform=True)
-    group: Text = column("str", doc="group of observations with a common variance, empty if not given", default="",
-                         uniform=True)  # fmt: skip
+    group: Text = column(
+        "str", doc="group of observations with a common variance, empty if not given", default="", uniform=True
+    )
     active: Bool = column("bool", doc="False if the file says so or if rejected, see rejects", default=True)
-    row_time_s: Float = column("f8", unit="s", doc="exposure time of the row, from the image's time", optional=True,
-                               uniform=True)  # fmt: skip
+    row_time_s: Float = column(
+        "f8", unit="s", doc="exposure time of the row, from the image's time", optional=True, uniform=True
+    )
     file: Int = column("i4", doc="row in files", refers="files", optional=True, digest=False, uniform=True)
     line: Int = column("i4", doc="line in the file, from 1", optional=True, digest=False, uniform=True)
 

@@ -18,8 +18,9 @@ class Residuals(Table):
     row: Int = column("i4", doc="row in its table of the Block; -1 if it has none", optional=True)
     image: Text = column("str", doc="id of the image or strip, empty if none")
     point: Text = column("str", doc="id of the point, empty if none")
-    residual: Float = column("f8", 3, unit="see unit", doc="residual per coordinate; NaN where there is none",
-                             optional=True)  # fmt: skip
+    residual: Float = column(
+        "f8", 3, unit="see unit", doc="residual per coordinate; NaN where there is none", optional=True
+    )
     sigma: Float = column("f8", 3, unit="see unit", doc="a priori standard deviation; 0 exact", optional=True)
     active: Bool = column("bool", doc="False if rejected: then the residual is that of a predicted value")
     unit: Text = column("str", doc="unit of residual and sigma; empty: that of the parameter")

@@ -170,13 +170,9 @@ def test_yaw_pitch_roll_turn_a_camera_that_looks_along_y(
 
 @pytest.mark.parametrize(
     ("orientation", "x", "y"),
-    [
-        ("XRightYUp", (1, 0), (0, 1)),
-        ("XLeftYDown", (-1, 0), (0, -1)),
-        ("XDownYRight", (0, -1), (1, 0)),
-        ("XUpYLeft", (0, 1), (-1, 0)),
-    ],
-)
+    [("XRightYUp", (1, 0), (0, 1)), ("XLeftYDown", (-1, 0), (0, -1)), ("XDownYRight", (0, -1), (1, 0)),
+     ("XUpYLeft", (0, 1), (-1, 0))],
+)  # fmt: skip
 def test_axes_of_the_camera_are_those_of_its_orientation(
     tmp_path: Path, orientation: str, x: tuple[int, ...], y: tuple[int, ...]
 ) -> None:

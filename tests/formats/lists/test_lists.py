@@ -201,16 +201,19 @@ def test_lists_of_control_of_positions_and_of_image_points(tmp_path: Path) -> No
 
 
 SURVEYED = {
-    "Foto-Nr;Rechtswert [m];Hochwert [m];Höhe [m];Omega [gon];Phi [gon];Kappa [gon]\n1;2;3;4;5;6;7\n": "image X Y Z omega phi kappa",
-    "Point ID,Northing (m),Easting (m),Elev. (m),Std. Dev. E,Std. Dev. N,Std. Dev. H,Code\nA,1,2,3,.1,.1,.1,full\n": "point Y X Z sX sY sZ role",
+    "Foto-Nr;Rechtswert [m];Hochwert [m];Höhe [m];Omega [gon];Phi [gon];Kappa [gon]\n1;2;3;4;5;6;7\n":
+        "image X Y Z omega phi kappa",
+    "Point ID,Northing (m),Easting (m),Elev. (m),Std. Dev. E,Std. Dev. N,Std. Dev. H,Code\nA,1,2,3,.1,.1,.1,full\n":
+        "point Y X Z sX sY sZ role",
     "Punkt,Rechts,Hoch,Höhe,Code\nA,1,2,3,77\n": "point X Y Z -",
     "marker_name,lat,lon,alt,h_acc,v_acc\nA,45,9,3,.1,.1\n": "point latitude longitude Z sXY sZ",
-    "filename,GPSLatitude,GPSLongitude,GPSAltitude,GPSYaw,GPSPitch,GPSRoll\na,45,9,3,1,2,3\n": "image latitude longitude Z yaw pitch roll",
+    "filename,GPSLatitude,GPSLongitude,GPSAltitude,GPSYaw,GPSPitch,GPSRoll\na,45,9,3,1,2,3\n":
+        "image latitude longitude Z yaw pitch roll",
     "Name,East,North,Up,sigma_e,sigma_n,sigma_u\nA,1,2,3,.1,.1,.1\n": "point X Y Z sX sY sZ",
     "photo,pt,u,v\na.jpg,A,1,2\n": "image point x y",
     "imageName,latitude,longitude,altitude,accHor,accVer\na.jpg,45,9,3,.1,.2\n": "image latitude longitude Z sXY sZ",
     'ID  TIME (s)  EASTING  NORTHING  ELLIPSOID HEIGHT (m)\n"IMG 1.jpg"  5  1  2  3\n': "image time X Y Z",
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("text", SURVEYED)

@@ -52,13 +52,8 @@ def test_noise_gives_sigma0_near_one(many: Block) -> None:
 def test_a_turned_pixel_scan_gives_the_same_photo_coordinates(block: Block) -> None:
     from_comparator = affine(block)
     pixel = np.array([[0.0, 1 / 0.021], [1 / 0.021, 0.0]])  # a quarter turn, y down, pixels of 21 um
-    cameras = replace(
-        block.cameras,
-        image_coordinates=["pixel"],
-        pixel_size_mm=[[0.021, 0.021]],
-        pixel_origin=["top-left-corner"],
-        pixel_y=["down"],
-    )
+    cameras = replace(block.cameras, image_coordinates=["pixel"], pixel_size_mm=[[0.021, 0.021]],
+                      pixel_origin=["top-left-corner"], pixel_y=["down"])  # fmt: skip
     scanned = replace(
         block,
         cameras=cameras,
@@ -280,11 +275,8 @@ def test_marks_both_mirrored_and_exchanged_are_told_with_the_numbers_that_fit() 
     block = flown(camera={"fiducials": 8}, film={"deformation": False, "rotation_deg": 0.0})
     fiducials, marks = block.fiducials, block.fiducial_points
     aside = np.where(fiducials.id == "5", 30.0, 0.0)[:, None] * [0.0, 1.0]
-    block = replace(
-        block,
-        fiducials=replace(fiducials, xy_mm=fiducials.xy_mm + aside),
-        fiducial_points=replace(marks, xy=marks.xy + aside[marks.fiducial]),
-    )
+    block = replace(block, fiducials=replace(fiducials, xy_mm=fiducials.xy_mm + aside),
+                    fiducial_points=replace(marks, xy=marks.xy + aside[marks.fiducial]))  # fmt: skip
     assert affine(block).interior.sigma0.max() < 1e-6
     with pytest.raises(InputError, match="mirror image, and with their numbers exchanged") as caught:
         affine(with_marks(block, 2, lambda xy: (xy * [-1, 1])[[0, 1, 3, 2, 4, 5, 6, 7]]))

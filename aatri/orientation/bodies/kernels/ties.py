@@ -1,5 +1,4 @@
-"""Whitened residuals and Jacobians of the points of strips, compiled; the formulas are those of `similarity_ties` and
-`similarity_ties`.
+"""Whitened residuals and Jacobians of the points of strips, compiled; see `similarity_ties`.
 
 With the whitener T of a point, v = T (X - x_o), and the derivatives are T by the ground point and -T dx_o by the strip.
 """
