@@ -11,7 +11,7 @@ import typer
 
 from aatri.cli.arguments.completion import complete_new_variant, complete_path
 from aatri.cli.arguments.options import SourceSettings, complete, listed, one_of
-from aatri.cli.new_from_text import ACCURACY, HEAD, OF_GRAPH, WITH_START, of_matched, path_from, with_options
+from aatri.cli.new_from_text import ACCURACY, HEAD, PHOTOS, SEARCHED_GRAPH, WITH_START, path_from, with_options
 from aatri.cli.terminal.console import NARRATED, narrate, reports_errors, say
 from aatri.errors import ResourceError, SpecError
 
@@ -66,13 +66,6 @@ _COMMENTS = {
 # It has no datum; with `control: ground_points.csv` at the block, leave out `datum` of the bundle.
 """,
 }
-_OF_GRAPH = with_options(OF_GRAPH + ACCURACY, ["blunders: robust_snooping"])
-PHOTOS = f"""\
-# Photographs: images, cameras and positions are what their files say, tie points are found in their pixels.
-# Without positions the bundle has `datum: free`. Control measured elsewhere: `aatri new --from PHOTOGRAPHS --from
-# LIST`; to measure control: `aatri export RUN:block tables FOLDER`, then `aatri measure FOLDER`.
-{HEAD}  photos:   {{use: block/photos, with: {{path: @PATH@}}}}
-{of_matched(_OF_GRAPH)}"""
 _WITH_START = {
     BlockSource.dbat: ("{use: block/dbat, with: {path: export.txt, control: control.txt}}", []),
     BlockSource.bal: ("{use: block/bal, with: {path: problem.txt}}", ["datum: minimal"]),
@@ -237,15 +230,15 @@ def _write(files: Mapping[Path, str]) -> None:
 
 
 def _text(block: BlockSource, folder: Path, photographs: Path | None) -> str:
+    from aatri.cli.new_block import demo_path, sample_folder
+
     demo = demo_path().read_text(encoding="utf-8")
     if block is BlockSource.simulate:
         return demo
     if block is BlockSource.sample:
-        from aatri.cli.new_block import sample_folder
-
         return (sample_folder() / "pipeline.yaml").read_text(encoding="utf-8")
     if block is BlockSource.unordered:
-        return _COMMENTS[block] + HEAD + "  block:    {use: block/tables, with: {path: block}}\n" + _OF_GRAPH
+        return _COMMENTS[block] + HEAD + "  block:    {use: block/tables, with: {path: block}}\n" + SEARCHED_GRAPH
     if block is BlockSource.photos:
         path = json.dumps(path_from(photographs or folder / "photos", folder), ensure_ascii=False)
         text = PHOTOS.replace("@PATH@", path)
@@ -271,11 +264,3 @@ def _have_positions(photographs: Path) -> bool:
     parts = read_source(photographs, Reading(format="photos"), NARRATED)
     narrate(f"{photographs}: {', '.join(counted(parts))}")
     return bool(parts.exterior)
-
-
-def demo_path() -> Path:
-    """The demo pipeline: beside the code in a wheel, at the top of a checkout."""
-    from aatri.cli.new_block import installed_path
-
-    package = Path(__file__).resolve().parents[1]
-    return installed_path(package / "pipeline" / "demo.yaml", package.parent / "pipeline.yaml")

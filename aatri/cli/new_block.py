@@ -115,6 +115,12 @@ def sample_folder() -> Path:
     return installed_path(package / "pipeline" / "sample", package.parent / "docs" / "tutorial")
 
 
+def demo_path() -> Path:
+    """The demo pipeline: beside the code in a wheel, at the top of a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    return installed_path(package / "pipeline" / "demo.yaml", package.parent / "pipeline.yaml")
+
+
 def installed_path(packed: Path, beside: Path) -> Path:
     """What an installation has beside its code, or a checkout elsewhere.
 

@@ -122,3 +122,13 @@ def with_options(stages: str, options: Sequence[str]) -> str:
 def of_matched(stages: str) -> str:
     """The stages of photographs, the stage `photos`, whose tie points are found in their pixels; nothing is refined."""
     return MATCHED + stages.replace(REFINED, "").replace("image_points: refined", "image_points: interior")
+
+
+SEARCHED_GRAPH = with_options(OF_GRAPH + ACCURACY, ["blunders: robust_snooping"])
+"""Orientation along the graph, its bundle with a search for gross errors."""
+PHOTOS = f"""\
+# Photographs: images, cameras and positions are what their files say, tie points are found in their pixels.
+# Without positions the bundle has `datum: free`. Control measured elsewhere: `aatri new --from PHOTOGRAPHS --from
+# LIST`; to measure control: `aatri export RUN:block tables FOLDER`, then `aatri measure FOLDER`.
+{HEAD}  photos:   {{use: block/photos, with: {{path: @PATH@}}}}
+{of_matched(SEARCHED_GRAPH)}"""

@@ -55,7 +55,8 @@ def plugin_files(use: str, folder: Path) -> dict[Path, str]:
     PluginError
         If there is no such role.
     """
-    from aatri.cli.new import PHOTOS, demo_path
+    from aatri.cli.new_block import demo_path
+    from aatri.cli.new_from_text import PHOTOS
     from aatri.pipeline.methods.registry import find_stages
     from aatri.pipeline.spec.pipeline_file import USE
 

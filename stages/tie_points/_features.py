@@ -1,23 +1,24 @@
 """What the variants that look for features share: options, features image by image, matches pair by pair."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from aatri.adapters.interior.feature_tracks import MatchedFeatures, with_tie_points
 from aatri.adapters.interior.image_pixels import CELLS, covered_cells
+from aatri.adapters.pairs.image_pairs import images_of_strip
 from aatri.arrays import Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.features import Features, Matches
 from aatri.checks.limits import FEWEST_CELLS
 from aatri.errors import InputError
+from aatri.formats.text.text_line import word_lines
 from aatri.ids import several, shown
-from aatri.pixels.matching import RATIO
+from aatri.pixels.matching import RATIO, all_pairs, coarse_pairs, consecutive_pairs, largest, near_pairs
 from aatri.plugin import Context, Field, InputPath, Options
-from aatri.progress import Item
-
-from ._pairs import chosen_pairs
+from aatri.progress import Item, Kept
 
 
 class CheckOptions(Options):
@@ -75,7 +76,7 @@ def with_features(
         for name, path, mask, content in zip(*(c.tolist() for c in (rows.id, rows.path, rows.mask, rows.content)))
     ]
     features = context.mapped(features_of, work, Features, "images")
-    pairs = chosen_pairs(block, images, features, options, context)
+    pairs = _chosen_pairs(block, images, features, options, context)
     work = [
         Item(f"{rows.id[i]} and {rows.id[j]}", (), (features[i], features[j], options.ratio)) for i, j in pairs.tolist()
     ]
@@ -112,3 +113,62 @@ def _tell_weak(block: Block, images: Int, context: Context) -> None:
             f"{several(len(weak), 'image', 'has', 'have')} tie points in less than {FEWEST_CELLS:.0%} of "
             f"their {CELLS} x {CELLS} cells: {shown(weak)}"
         )
+
+
+def _chosen_pairs(
+    block: Block, images: Int, features: Sequence[Kept], options: FeatureOptions, context: Context
+) -> Int:
+    """Pairs (m, 2) of images as the options say, by their places among `images`.
+
+    Raises
+    ------
+    InputError
+        If what the pairs are to be chosen by is not there.
+    """
+    if options.pairs_file is not None:
+        return _listed(options.pairs_file, block, images, context)
+    position_m = block.positions_m
+    placed = np.isfinite(position_m[images, :2]).all(axis=1)
+    pairing = options.pairs
+    if pairing == "auto":
+        pairing = (
+            "positions" if placed.all() and len(np.unique(position_m[images, :2], axis=0)) == len(images) else "coarse"
+        )
+    if pairing == "positions":
+        if not placed.any():
+            remedy = "pairs: coarse"
+            raise InputError("no image has a position, by which pairs are chosen", where=block.name, remedy=remedy)
+        pairs = near_pairs(position_m[images], options.neighbours)
+        return _and_coarse(pairs, np.flatnonzero(~placed), features)
+    if pairing == "strips":
+        place = np.full(len(block.images), -1)
+        place[images] = np.arange(len(images))
+        strips = [place[images_of_strip(block, strip)] for strip in range(len(block.strips))]
+        if not strips:
+            raise InputError("no image has a strip", where=block.name, remedy="pairs: coarse")
+        return np.concatenate([consecutive_pairs(strip, options.neighbours) for strip in strips])
+    if pairing == "coarse":
+        return coarse_pairs([largest(f.load().keypoints) for f in features])
+    return all_pairs(len(images))
+
+
+def _and_coarse(pairs: Int, lost: Int, features: Sequence[Kept]) -> Int:
+    """The pairs, and for images without a position those whose largest features match."""
+    if not len(lost):
+        return pairs
+    coarse = coarse_pairs([largest(f.load().keypoints) for f in features])
+    return np.unique(np.concatenate([pairs, coarse[np.isin(coarse, lost).any(axis=1)]]), axis=0)
+
+
+def _listed(path: Path, block: Block, images: Int, context: Context) -> Int:
+    place = {name: k for k, name in enumerate(block.images.id[images].tolist())}
+    pairs = set()
+    for line in word_lines(path, context):
+        line.of_width(2, "a pair `image image`")
+        for name in line.words:
+            if name not in place:
+                raise line.error(f"image {name!r} is not in the block", "mend the name, or take the pair out")
+        i, j = sorted(place[name] for name in line.words)
+        if i != j:
+            pairs.add((i, j))
+    return np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)

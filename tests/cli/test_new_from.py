@@ -294,7 +294,7 @@ def test_a_setting_that_is_none_is_refused(tmp_path: Path, settings: list[str], 
 
 
 def test_a_missing_demo_is_no_internal_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("aatri.cli.new.__file__", str(tmp_path / "aatri" / "cli" / "new.py"))
+    monkeypatch.setattr("aatri.cli.new_block.__file__", str(tmp_path / "aatri" / "cli" / "new_block.py"))
     result = invoked("new", tmp_path / "mine", "--block", "tables")
     assert result.exit_code == 8
     assert "install aatri again" in result.stderr
