@@ -27,7 +27,7 @@ from aatri.orientation.bundle.blunders.earlier_rejections import (
     with_sets_again,
 )
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
-from aatri.orientation.bundle.from_afar import adjust_bundle_from_afar
+from aatri.orientation.bundle.from_afar import Restarts, adjust_bundle_from_afar
 from aatri.orientation.bundle.groups.failed_search import searched_again, without_wrong_image
 from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
 from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
@@ -148,10 +148,16 @@ def with_one_factor(adjust: Callable[..., BundleResult]) -> Callable[..., Bundle
 
 
 def adjusted(
-    inputs: BundleInput, adjusting: AdjustOptions = AdjustOptions(), *, options: BundleOptions, context: Context
+    inputs: BundleInput,
+    adjusting: AdjustOptions = AdjustOptions(),
+    *,
+    options: BundleOptions,
+    context: Context,
+    restarts: Restarts | None = None,
 ) -> BundleResult:
     """One adjustment; a rank defect with its remedy."""
-    adjust = adjust_bundle if adjusting.huber and adjusting.coarse else adjust_bundle_from_afar
+    from_afar = partial(adjust_bundle_from_afar, restarts=restarts)
+    adjust = adjust_bundle if adjusting.huber and adjusting.coarse else from_afar
     settings = _settings(options, adjusting, context)
 
     def once(block: BundleInput) -> BundleResult:

@@ -32,6 +32,7 @@ from aatri.observations.attitudes import KIND as ATTITUDE
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.observations.ties import BODY
+from aatri.orientation.bodies.agreeing_places import agreeing_places
 from aatri.orientation.bodies.datum_analysis import (
     UNDETERMINED,
     DatumAnalysis,
@@ -246,7 +247,12 @@ def _start(
     if len(exchanged):
         return start
     places = all_places.take(use[all_places.row])
-    if settings.exchanged and (failure is not None or not fits(places, places.xyz @ level.rotation, body, start)):
+    x = places.xyz @ level.rotation
+    if settings.exchanged and (failure is not None or not fits(places, x, body, start)):
+        agreeing = agreeing_places(places, x, body, _up(observed, body))
+        if agreeing is not None and (closed := closed_start(places.take(agreeing), x[agreeing], THINNEST)):
+            use[places.row[places.given.all(axis=1) & ~agreeing]] = False
+            return closed
         exchanged = exchanged_by_all(observed, observe, body, use, level)
         if len(exchanged):
             return begin_without(exchanged)

@@ -14,7 +14,7 @@ observations alone give points that are right, to which every shape is fitted an
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,8 +45,24 @@ TRIALS = ((1e3, True), (1e3, False), (1.0, True), (1.0, False))
 """Factor on the standard deviations of the image points in object space; whether rotations are held at first."""
 
 
+MOST_FRUITLESS = 2
+"""Adjustments of one block that other starts do not better, after which one that converges is taken as it is."""
+
+
+@dataclass
+class Restarts:
+    """What other starts have brought in the adjustments of one block with one thing and another left out."""
+
+    fruitless: int = 0
+    """Adjustments in turn that converged, and that no other start has bettered."""
+
+
 def adjust_bundle_from_afar(
-    inputs: BundleInput, settings: BundleSettings = BundleSettings(), *, reporter: Reporter = SILENT
+    inputs: BundleInput,
+    settings: BundleSettings = BundleSettings(),
+    *,
+    reporter: Reporter = SILENT,
+    restarts: Restarts | None = None,
 ) -> BundleResult:
     """Adjust a block whose start may be far off.
 
@@ -54,6 +70,9 @@ def adjust_bundle_from_afar(
     ----------
     settings : BundleSettings
         Blocks without a given datum are adjusted from their start alone.
+    restarts : Restarts, optional
+        Of the adjustments of this block before: a search for gross errors adjusts it many times, and where these make
+        the misfit no start betters it.
 
     Raises
     ------
@@ -68,10 +87,13 @@ def adjust_bundle_from_afar(
         best = adjust_bundle(inputs, settings, reporter=reporter)
     except (ConvergenceError, GeometryError) as error:
         failure = error
-    if settings.datum == "given" and not _trusted(inputs, best):
+    known = restarts or Restarts()
+    fruitless = best is not None and known.fruitless >= MOST_FRUITLESS and not turned_over(inputs.rays, best).any()
+    if settings.datum == "given" and not _trusted(inputs, best) and not fruitless:
         reason = failure.what if failure is not None else "another minimum is likely"
         reporter.log(f"adjusted again from a start by object space: {reason}")
-        best = _best_restart(inputs, best, reporter, settings, left_open=_left_open(inputs, failure))
+        first, best = best, _best_restart(inputs, best, reporter, settings, left_open=_left_open(inputs, failure))
+        known.fruitless = known.fruitless + 1 if first is not None and best is first else 0
     if best is None:
         assert failure is not None
         raise failure

@@ -15,6 +15,7 @@ from aatri.observations.object_space import object_space_records
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.positions import Positions
+from aatri.orientation.bundle import from_afar
 from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
@@ -239,3 +240,23 @@ def test_a_ray_metres_off_its_point_does_not_take_the_column_of_a_parameter() ->
     assert np.abs(basis).max() <= ((115.0 + 0.1 * 150.0) / 115.0) ** 7
     others = np.arange(len(rays.point)) != spoilt
     np.testing.assert_allclose(basis[others], seventh_power(rays.xy_mm)[others], rtol=0, atol=7 * 5 * 0.01 / 115.0)
+
+
+def test_other_starts_are_tried_no_more_where_they_better_nothing(
+    block: tuple[Parts, BundleResult, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A search adjusts a block that does not fit many times: each time four starts led to the same."""
+    inputs, tried = block[0].together(), list[BundleResult]()
+
+    def fruitless(_: BundleInput, best: BundleResult, *rest: object, **options: object) -> BundleResult:
+        tried.append(best)
+        return best
+
+    monkeypatch.setattr(from_afar, "_trusted", lambda *_: False)
+    monkeypatch.setattr(from_afar, "_best_restart", fruitless)
+    restarts = from_afar.Restarts()
+    for _ in range(4):
+        from_afar.adjust_bundle_from_afar(inputs, restarts=restarts)
+    assert len(tried) == from_afar.MOST_FRUITLESS
+    from_afar.adjust_bundle_from_afar(inputs)  # of another block nothing is known
+    assert len(tried) == from_afar.MOST_FRUITLESS + 1
