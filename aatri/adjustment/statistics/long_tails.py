@@ -7,12 +7,13 @@ classes of size between e_b and e_b+1, given that they lie there,
 
     ln L = sum n_b ln((1 - g) (F(e_b+1) - F(e_b)) / F(e_B) + g / B),      F(e) = P(|s t_nu| <= e)
 
-Gross errors are beyond, and have no say but for their share g among the B classes: where some are beyond what any tail
-explains there are as many to a standard deviation below. Of few residuals many nu are nearly as likely: taken is the
-least that they allow, at the level 5 % (one-sided, ln L less than 1.35 below the largest), for what such a tail
-explains is no gross error. nu is not below `LEAST_FREEDOM`: longer tails are gross errors. The limit is the value that
-`BEYOND` of such errors exceed, where that is larger than the limit of normal ones: of 3,000 normal residuals it stays,
-of 500 it is 5.
+Gross errors are beyond, and have no say but for their share g among the B classes: from e_B to 2 e_B there are more
+than the tail explains, and as many below e_B, as gross errors are about as dense there. So a tenth of errors that
+are eight times as large as the others is told from a tail, whose errors thin out. Of few residuals many nu are nearly
+as likely: taken is the least that they allow, at the level 5 % (one-sided, ln L less than 1.35 below the largest), for
+what such a tail explains is no gross error. nu is not below `LEAST_FREEDOM`: longer tails are gross errors. The limit
+is the value that `BEYOND` of such errors exceed, where that is larger than the limit of normal ones: of 3,000 normal
+residuals it stays, of 500 it is 5.
 
 Source: Wilks 1938 (likelihood intervals); Jeffreys 1961, Theory of Probability, 5.7 (series of observations have nu of
 4 to 9); Lange, Little and Taylor 1989, Robust statistical modeling using the t distribution.
@@ -37,6 +38,9 @@ REACH = 1.25
 
 FEWEST = 200
 """Residuals below which a single one decides on the tail that it is tested with."""
+
+MOST_GROSS = 0.5
+"""Share of gross errors among the residuals up to `REACH`, at most."""
 
 ALLOWED = 0.5 * float(chdtri(1.0, 0.10))
 """Fall of ln L from its largest value to the end of a one-sided interval of 95 %."""
@@ -80,10 +84,10 @@ def tail_of(w: Float, limit: float) -> Tail:
     if middle <= 0:
         return normal
     edges = np.linspace(0.0, REACH * limit, _CLASSES + 1)
-    count = np.histogram(w, edges)[0]
-    e, gross = edges / (middle * _SCALES[:, None]), _share_of_gross_errors(w / middle, edges[-1] / middle, count.sum())
-    by_normal = _log_likelihood(count, ndtr(e), gross).max()
-    by_student = np.array([_log_likelihood(count, stdtr(nu, e), gross) for nu in _FREEDOM])
+    count, beyond_reach = np.histogram(w, edges)[0], float(((w > edges[-1]) & (w <= 2 * edges[-1])).sum())
+    e = np.append(edges, 2 * edges[-1]) / (middle * _SCALES[:, None])
+    by_normal = _log_likelihood(count, beyond_reach, len(w), ndtr(e)).max()
+    by_student = np.array([_log_likelihood(count, beyond_reach, len(w), stdtr(nu, e)) for nu in _FREEDOM])
     likely = np.flatnonzero(by_student.max(axis=1) >= max(by_normal, by_student.max()) - ALLOWED)
     if not len(likely):
         return normal
@@ -93,18 +97,12 @@ def tail_of(w: Float, limit: float) -> Tail:
     return Tail(float(_FREEDOM[nu]), beyond) if beyond > limit else normal
 
 
-def _share_of_gross_errors(w: Float, reach: float, n: float) -> float:
-    """Share of gross errors among the n residuals up to `reach`: as dense as beyond what any tail explains.
+def _log_likelihood(count: Float, beyond_reach: float, n: int, below: Float) -> Float:
+    """Of counts in classes of size, (k,), by probabilities of being below the edges and twice the last.
 
-    The density is that of the nearer half of those, from where they begin; there are no more than beyond.
+    `beyond_reach` of all n residuals lie between the last edge and twice that.
     """
-    begin = -float(stdtrit(LEAST_FREEDOM, 0.5 * BEYOND))
-    far = np.sort(w[w > begin])
-    half = len(far) // 2
-    return min(0.5, len(far) / n, half / float(far[half - 1] - begin) * reach / n) if half else 0.0
-
-
-def _log_likelihood(count: Float, below: Float, gross: float) -> Float:
-    """Of counts in classes of size, (k,), by probabilities of being below their edges, (k, classes + 1)."""
-    share = np.diff(below, axis=1) / (below[:, -1:] - 0.5)
+    explained = 2 * n * (below[:, -1:] - below[:, -2:-1])
+    gross = np.clip((beyond_reach - explained) / max(count.sum(), 1), 0.0, MOST_GROSS)
+    share = np.diff(below[:, :-1], axis=1) / (below[:, -2:-1] - 0.5)
     return np.asarray(np.log(np.maximum((1.0 - gross) * share + gross / len(count), 1e-300)) @ count)

@@ -1,11 +1,10 @@
 """Places that one similarity fits while all others are far off: a start where up to half of the control is wrong.
 
 Three places known in full determine a similarity. That of three counts on which most others agree: they lie as near as
-those of right ids do, within a share t of the distance of the images (`MISFIT_OF_RIGHT`). So many more than three that
-lie within t of where three have them are no chance. What does not agree must lie `BEYOND` times t off, as numbers do
-that are exchanged or a row off: a body that bends, a principal distance or a unit that is wrong leave what is in
-between. It is control, and most of it agrees: positions are off by strips and cameras, whose own tests tell, and
-a kind that is wrong as a whole is another matter.
+those of right ids do, within a share t of the distance of the images (`MISFIT_OF_RIGHT`). What does not agree must lie
+`BEYOND` times t off, as numbers do that are exchanged or a row off: a body that bends, a principal distance or a unit
+that is wrong leave what is in between. It is control, and most of it agrees: positions are off by strips and cameras,
+whose own tests tell, and a kind that is wrong as a whole is another matter.
 
 Source: Fischler and Bolles 1981, Random sample consensus.
 """
@@ -23,7 +22,7 @@ from aatri.orientation.bodies.deformation import MISFIT_OF_RIGHT
 from aatri.orientation.bodies.free_body import FreeBody
 
 FEWEST = 5
-"""Places that agree: of four any three fit, and one more by chance where it is near them."""
+"""Places that agree: any three fit, and of four one more that lies near them."""
 
 BEYOND = 4.0
 """What is off by more is no deformation, and what is off by less is none of the wrong ones meant here."""

@@ -187,9 +187,18 @@ def test_gross_errors_make_no_tail() -> None:
     assert tail_of(w, LIMIT).limit < 1.2 * LIMIT
 
 
+@pytest.mark.parametrize(("share", "times"), [(0.02, 8), (0.05, 8), (0.1, 8), (0.1, 15)])
+def test_a_tenth_of_errors_some_times_as_large_as_the_others_makes_no_tail(share: float, times: float) -> None:
+    """Mismatches of a few pixels: Student's errors of four degrees of freedom would be gross from 13 or 17 sigma on."""
+    n_wrong = round(share * N)
+    right = stats.norm.ppf((np.arange(N - n_wrong) + 0.5) / (N - n_wrong))
+    wrong = times * stats.norm.ppf((np.arange(n_wrong) + 0.5) / n_wrong)
+    assert tail_of(np.abs(np.append(right, wrong)), LIMIT).limit < 1.3 * LIMIT
+
+
 @pytest.mark.parametrize("far", [[30.0, 30.001], [100.0, 100.01, 100.02], [23.0]])
 def test_a_few_gross_errors_of_one_size_do_not_hide_a_tail(far: list[float]) -> None:
-    """Two numbers exchanged in an image, the two rays of a point: their density is that from where they may begin."""
+    """Two numbers exchanged in an image, the two rays of a point: they lie beyond where gross errors are counted."""
     w = np.abs(stats.t(5.0).ppf(LEVELS))
     assert tail_of(np.append(w, far), LIMIT).limit == pytest.approx(tail_of(w, LIMIT).limit, rel=0.05)
 

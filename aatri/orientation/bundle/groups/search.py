@@ -160,9 +160,10 @@ def _agree(block: BundleInput, least_squares: BundleResult | None, limit: float,
         return False
     state, limit = least_squares.adjusted.state, limit * max(1.0, least_squares.adjusted.sigma0)
     pairs = zip(least_squares.observations, block.observed)
+    # of images that these positions set aside nothing is used, and nothing tested
     return not any(
-        _several(before, touched) and (tests_of(adjusted, state)[before.rejected] > limit).any()
-        for adjusted, before in pairs
+        _several(before, touched) and (~o.used | (tests_of(o, state) > limit))[before.rejected].any()
+        for o, before in pairs
     )
 
 
