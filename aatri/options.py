@@ -1,6 +1,16 @@
-"""Options of stages and of kinds of observations: frozen pydantic models, unknown names refused."""
+"""Options of stages and of kinds of observations: frozen pydantic models, unknown names refused; those that many have."""
 
-from pydantic import BaseModel, ConfigDict
+from typing import Annotated, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Reliability: TypeAlias = Annotated[
+    bool, Field(description="redundancy numbers, test statistics and detectable errors of all observations")
+]
+LimitOfTies: TypeAlias = Annotated[
+    float | None,
+    Field(gt=0, description="test statistic of a wrong tie or control point, in sigma; null: by the number of tests"),
+]
 
 
 class Options(BaseModel):

@@ -38,6 +38,7 @@ from aatri.checks.after.of_stage import findings_of
 from aatri.checks.after.rejections import control_left_behind
 from aatri.checks.at_start.orientations import unlikely_orientations
 from aatri.checks.finding import report
+from aatri.options import Reliability
 from aatri.orientation.bodies.absolute import Start
 from aatri.orientation.bodies.absolute_datum import StripsOfBlock
 from aatri.orientation.bodies.absolute_orientation import Joining, orient_strips
@@ -67,9 +68,7 @@ class SimilarityOptions(Options):
         description="an error where strips deform by so many times what their length explains; null: a warning beyond "
         "20, and an error where they are off by 5 % of the distance too",
     )
-    reliability: bool = Field(
-        False, description="redundancy numbers, test statistics and detectable errors of all observations"
-    )
+    reliability: Reliability = False
 
 
 @stage(

@@ -23,6 +23,7 @@ from aatri.errors import GeometryError
 from aatri.notes import tell
 from aatri.observations.kinds.catalogue import options_without_data
 from aatri.observations.observed import ObservationSource
+from aatri.options import Reliability
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.alternating import adjust_alternating
 from aatri.orientation.bundle.block import BundleInput
@@ -30,7 +31,7 @@ from aatri.orientation.bundle.partial import switched_off, with_known_images, wi
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.orientation.bundle.settings import BundleSettings
-from aatri.plugin import Context, Field
+from aatri.plugin import Context
 
 from ._adjusting import AdjustmentOptions
 
@@ -38,9 +39,7 @@ from ._adjusting import AdjustmentOptions
 class PartialOptions(AdjustmentOptions):
     """Options of resection and intersection, which have standard deviations."""
 
-    reliability: bool = Field(
-        False, description="redundancy numbers, test statistics and detectable errors of all observations"
-    )
+    reliability: Reliability = False
 
 
 def resected(

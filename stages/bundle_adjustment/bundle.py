@@ -48,6 +48,7 @@ from aatri.checks.after.rejections import exchanged_proposals
 from aatri.checks.after.uncontrolled import uncontrolled_observations
 from aatri.checks.at_start.information import check_sets
 from aatri.checks.finding import Finding, report
+from aatri.options import Reliability
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import without_covariances
 from aatri.orientation.bundle.settings import Datum, DatumOver
@@ -103,9 +104,7 @@ class BundleOptions(AdjustmentOptions):
         None,
         description="of all orientations and points; null: where memory holds the factor; true: an error elsewhere",
     )
-    reliability: bool = Field(
-        False, description="redundancy numbers, test statistics and detectable errors of all observations"
-    )
+    reliability: Reliability = False
     point_covariances: list[str] = Field(
         [],
         description="points whose covariances with each other are kept, by id with * and ?, for comparisons of epochs",

@@ -41,6 +41,7 @@ from aatri.errors import GeometryError
 from aatri.ids import several
 from aatri.observations.image_points import rays_of
 from aatri.observations.positions import positions_of
+from aatri.options import Reliability
 from aatri.orientation.bodies.ground_observed import USES, ground_observed
 from aatri.orientation.graph.component import FEWEST_POINTS
 from aatri.orientation.graph.component_bodies import principal_distance_shares
@@ -74,9 +75,7 @@ class GraphOptions(Options):
         5.0, gt=0, description="test statistic of wrong control, positions, distances and attitudes, in sigma"
     )
     use_positions: bool = Field(True, description="use observed positions of the projection centres")
-    reliability: bool = Field(
-        False, description="redundancy numbers, test statistics and detectable errors of all observations"
-    )
+    reliability: Reliability = False
 
 
 @stage(

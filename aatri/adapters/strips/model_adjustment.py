@@ -33,7 +33,7 @@ from aatri.observations.poses import POINT
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.positions import positions_of
 from aatri.observations.ties import BODY, MODEL_TIE
-from aatri.options import Options
+from aatri.options import LimitOfTies, Options, Reliability
 from aatri.orientation.bodies.component_growth import BodyPoints
 from aatri.orientation.bodies.deformation import Misfit, distance_m, farthest_bodies, rms_m, search_notes
 from aatri.orientation.bodies.independent_models import adjust_models
@@ -48,15 +48,11 @@ class ModelAdjustmentOptions(Options):
     iteration: Literal["together", "plan_height"] = Field(
         "together", description="all seven parameters together, or plan (4) and height (3) in turn"
     )
-    limit: float | None = Field(
-        None, gt=0, description="test statistic of a wrong tie or control point, in sigma; null: by the number of tests"
-    )
+    limit: LimitOfTies = None
     max_sigma0: float | None = Field(
         None, gt=0, description="an error where sigma0 is larger; null: a warning beyond 20"
     )
-    reliability: bool = Field(
-        False, description="redundancy numbers, test statistics and detectable errors of all observations"
-    )
+    reliability: Reliability = False
 
     @property
     def plan_height(self) -> bool:

@@ -29,7 +29,7 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import InputError
 from aatri.geometry.strip_bases import SECOND_DEGREE, StripBasis
 from aatri.ids import shown
-from aatri.options import Options
+from aatri.options import LimitOfTies, Options, Reliability
 
 RANK = 1e-7
 WORST = 2.0
@@ -46,18 +46,14 @@ class StripBlockOptions(Options):
     degrees: dict[str, Annotated[int, Field(ge=0, le=3)]] = Field(
         {}, description="highest degree of single strips, by their ids; the others have `degree`"
     )
-    limit: float | None = Field(
-        None, gt=0, description="test statistic of a wrong tie or control point, in sigma; null: by the number of tests"
-    )
+    limit: LimitOfTies = None
     max_sigma0: float | None = Field(
         None,
         gt=0,
         description="an error where strips deform by so many times what their length explains; null: a warning "
         "beyond 20 times",
     )
-    reliability: bool = Field(
-        False, description="redundancy numbers, test statistics and detectable errors of all observations"
-    )
+    reliability: Reliability = False
 
     @property
     def degrees_requested(self) -> bool:
