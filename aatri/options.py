@@ -1,4 +1,4 @@
-"""Options of stages and of kinds of observations: frozen pydantic models, unknown names refused; those that many have."""
+"""Options of stages and of kinds of observations: frozen pydantic models; declarations that many stages have."""
 
 from typing import Annotated, TypeAlias
 
@@ -14,6 +14,6 @@ LimitOfTies: TypeAlias = Annotated[
 
 
 class Options(BaseModel):
-    """Base of all options."""
+    """Base of all options; unknown names are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)

@@ -60,7 +60,6 @@ def pipeline_from(
 
     Parameters
     ----------
-    paths : sequence of Path
     folder : Path
         Where the pipeline will be: paths are relative to it.
     settings : sequence of Setting

@@ -34,7 +34,6 @@ def say_end(
     records : sequence of mapping
         Of its stages.
     report : Path, optional
-    gates : sequence of Verdict
     above : sequence of (stage, warning)
         What stands above on the same terminal, and is counted.
     """

@@ -77,7 +77,6 @@ def criterion_eigenvalue(xyz_m: Float, covariance_m2: Float, sigma_m: Float, dis
 
     Returns
     -------
-    eigenvalue : float
     function : (n, 3) float64
         The function of the coordinates, in units of their criterion, that is determined worst.
     """

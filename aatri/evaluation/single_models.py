@@ -47,7 +47,7 @@ PARALLEL = 1e-12
 
 
 @dataclass(frozen=True)
-class _Rays:
+class _PairRays:
     """One ray each of points, coordinate by coordinate."""
 
     position_m: Float
@@ -90,18 +90,18 @@ def intersected(poses: Poses, rays: ModelRays, start_m: Float) -> tuple[Float, F
     return X, w, parallax
 
 
-def _pair_of(poses: Poses, rays: ModelRays, chunk: slice) -> list[_Rays]:
+def _pair_of(poses: Poses, rays: ModelRays, chunk: slice) -> list[_PairRays]:
     """The left and the right rays of points."""
-    model, pair = rays.model[chunk], list[_Rays]()
+    model, pair = rays.model[chunk], list[_PairRays]()
     for k, images in enumerate((rays.left, rays.right)):
         image = images[model]
         R = np.ascontiguousarray(poses.ground_from_image[image].transpose(1, 2, 0))
         xy, sigma = (np.ascontiguousarray(values[chunk, k].T) for values in (rays.xy_mm, rays.sigma_mm))
-        pair.append(_Rays(poses.position_m[image].T, R, xy, sigma, rays.c_mm[chunk, k]))
+        pair.append(_PairRays(poses.position_m[image].T, R, xy, sigma, rays.c_mm[chunk, k]))
     return pair
 
 
-def _least_squares(pair: list[_Rays], X: Float) -> tuple[Float, Float]:
+def _least_squares(pair: list[_PairRays], X: Float) -> tuple[Float, Float]:
     """Points of the two rays each, (m, 3), and the lengths of the residuals, (m,); NaN of rays that do not meet.
 
     x = -c u / w with (u, v, w) in the axes of the image, i, j and k: dx/dX = -c / w (i - u / w k).
@@ -133,7 +133,7 @@ def _least_squares(pair: list[_Rays], X: Float) -> tuple[Float, Float]:
     return np.where(meet, X, np.nan).T, np.where(meet, np.sqrt(squares), np.nan)
 
 
-def _y_parallax(pair: list[_Rays], axes: Float) -> Float:
+def _y_parallax(pair: list[_PairRays], axes: Float) -> Float:
     """y' - y'' in the normal case, at the scale of the left camera, (m,) mm; axes of models (3, 3, m) by columns."""
     y = []
     for ray in pair:

@@ -205,7 +205,6 @@ def robust_closed_form(x: Float, X: Float, iterations: int = ITERATIONS) -> tupl
 
     Returns
     -------
-    similarity : Similarity
     distance : (n,) float64, target unit
         Distance of each transformed point from its target.
     """

@@ -107,10 +107,6 @@ def check_stage(
     inputs : mapping of port to Artifact, optional
         Inputs to run it on instead of the examples; needed where a port takes a kind of a third party.
 
-    Returns
-    -------
-    Report
-
     Raises
     ------
     PluginError

@@ -98,7 +98,7 @@ def _without_place(block: Block, network: dict[str, NetworkObservations], xyz_m:
     return [Note("warning", text, tuple(block.points.id[lost].tolist()))]
 
 
-def origin_of(poses: Poses, xyz_m: Float) -> Float:
+def start_origin(poses: Poses, xyz_m: Float) -> Float:
     """A round place near the block, (3,) m: coordinates are reduced to it before any arithmetic."""
     origin = np.zeros(3)
     for axis in range(3):

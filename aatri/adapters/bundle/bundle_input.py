@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.adapters.bundle.block_start import given_orientations, given_points, network_start, origin_of
+from aatri.adapters.bundle.block_start import given_orientations, given_points, network_start, start_origin
 from aatri.adapters.frame.adjustment_frame import frame_of, geodesy_of, points_into, poses_into
 from aatri.adjusting.adjusted_observations import classes_of
 from aatri.arrays import Float, Int, Text
@@ -69,7 +69,7 @@ def observation_source(
     if shared is not None:
         poses = poses.where(poses.oriented | ~shared[0].oriented, shared[0])
         xyz = np.where(np.isfinite(xyz), xyz, shared[1])
-    origin = origin_of(poses, xyz)
+    origin = start_origin(poses, xyz)
     poses, xyz = poses_by_rigs(block, poses.shifted(-origin)), xyz - origin
     rays = None
     if image_points is not None:

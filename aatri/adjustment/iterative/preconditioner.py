@@ -68,7 +68,6 @@ def partly_factorised(problem: IndexedProblem, state: State, damping: float) -> 
 
     Returns
     -------
-    Preconditioner
     Factored
         Without the solution; `weak` names first pivots that are not positive.
     """

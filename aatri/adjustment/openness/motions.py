@@ -64,7 +64,6 @@ def open_motions(
 
     Returns
     -------
-    list of OpenCombination
     (n_kept, m) float64
         Open directions that are no motions, orthonormal.
     """

@@ -97,12 +97,7 @@ Verify: TypeAlias = Annotated[bool, typer.Option(help="Read every file again ins
 
 
 def one_of(names: type[Names]) -> Callable[[str], Names]:
-    """A parser of an argument that is one of some names.
-
-    Parameters
-    ----------
-    names : type of StrEnum
-    """
+    """A parser of an argument that is one of some names."""
 
     def parse(text: str) -> Names:
         values = [name.value for name in names]

@@ -72,11 +72,6 @@ def read_bal(path: Path, *, image_sigma_px: float = 1.0, calibrate: bool = True,
         Standard deviation of image coordinates; the files have none.
     calibrate : bool
         f, k1 and k2 of every image are free, as the problem has it. Else they are fixed.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or not of this form.
     """
     problem = read_problem(path, reporter)
     lines = dict(zip(("image_points", "cameras", "points"), problem.lines))
@@ -210,8 +205,6 @@ def write_bal_problem(
     ------
     InputError
         If a camera cannot be written as f, k1, k2.
-    ResourceError
-        If the file cannot be written.
     """
     block, rays = oriented.block, oriented.model_rays
     lenses, xy_px = centred_cameras(oriented, ["bundler"], reporter, allowed_px=writing.lens_misfit_px)

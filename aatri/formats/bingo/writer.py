@@ -30,8 +30,6 @@ def write_bingo(
     ------
     GeometryError
         If there are no image points.
-    ResourceError
-        If a file cannot be written.
     """
     block, rays = oriented.block, oriented.rays
     if not len(rays.image):

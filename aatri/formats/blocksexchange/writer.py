@@ -26,15 +26,7 @@ CATEGORY = {(True, True, True): "Full", (True, True, False): "Horizontal", (Fals
 def write_blocksexchange(
     oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL, reporter: Reporter = SILENT
 ) -> None:
-    """Write `block.xml`.
-
-    Raises
-    ------
-    InputError
-        If a distortion has no like.
-    ResourceError
-        If the file cannot be written.
-    """
+    """Write `block.xml`."""
     block, crs = oriented.block, str(oriented.block.frames.crs[0])
     systems, number = [], []
     if crs != "local":

@@ -48,13 +48,6 @@ def write_colmap_model(
     ----------
     folder : Path
         Made if it is not there.
-
-    Raises
-    ------
-    InputError
-        If a camera has no like in COLMAP.
-    ResourceError
-        If a file cannot be written.
     """
     block, cameras = oriented.block, oriented.block.images.camera
     used = np.unique(cameras[oriented.model_rays.image]).tolist()

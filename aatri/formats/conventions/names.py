@@ -75,7 +75,6 @@ def matched(names: Iterable[str], targets: Collection[str], steps: tuple[Step, .
 
     Parameters
     ----------
-    names : iterable of str
     targets : collection of str
         What the names may be called.
     steps : sequence of (str, callable)

@@ -28,13 +28,7 @@ AXES = {"e": (0, 1.0), "w": (0, -1.0), "n": (1, 1.0), "s": (1, -1.0), "u": (2, 1
 
 
 def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
-    """Read a network.
-
-    Raises
-    ------
-    InputError
-        If the file is no network of gama-local.
-    """
+    """Read a network."""
     network = read_network(path)
     axes = _axes(network.axes, path)
     points = _points(network, path)

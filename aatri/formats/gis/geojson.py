@@ -35,8 +35,6 @@ def write_geojson(
     ------
     InputError
         If the block is local: it has no longitude and latitude.
-    ResourceError
-        If a file cannot be written.
     """
     frame = frame_of(oriented.block)
     if frame == LOCAL:

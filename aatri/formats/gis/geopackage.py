@@ -59,13 +59,7 @@ WGS84 = (
 def write_geopackage(
     oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL, reporter: Reporter = SILENT
 ) -> None:
-    """Write `block.gpkg`.
-
-    Raises
-    ------
-    ResourceError
-        If the file cannot be written.
-    """
+    """Write `block.gpkg`."""
     layers, system = layers_of(oriented), _system(frame_of(oriented.block))
     with closing(sqlite3.connect(":memory:")) as database:
         with database:

@@ -40,8 +40,6 @@ def write_lists(
         If there is nothing that lists hold.
     SpecError
         If the columns are none of orientations.
-    ResourceError
-        If a file cannot be written.
     """
     rows = np.flatnonzero(oriented.oriented)
     control = control_points(oriented)

@@ -93,7 +93,6 @@ def merged(
 
     Parameters
     ----------
-    blocks : sequence of Block
     names : sequence of str
         What messages call them.
     name : str

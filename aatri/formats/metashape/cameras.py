@@ -175,7 +175,6 @@ def rigs_of(
 
     Parameters
     ----------
-    cameras : sequence of ImageElement
     sensors : mapping of str to Sensor
         By their ids.
     scale : float

@@ -35,15 +35,7 @@ EXACT_M = 1e-4
 def write_metashape(
     oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL, reporter: Reporter = SILENT
 ) -> None:
-    """Write `cameras.xml` and, with control or check points, `markers.xml`.
-
-    Raises
-    ------
-    InputError
-        If a distortion has no like.
-    ResourceError
-        If a file cannot be written.
-    """
+    """Write `cameras.xml` and, with control or check points, `markers.xml`."""
     block, frame = oriented.block, frame_of(oriented.block)
     lenses = [
         as_program_states(lens, ["metashape"], reporter, allowed_px=writing.lens_misfit_px) for lens in oriented.lenses

@@ -9,9 +9,8 @@ from aatri.codes import CONTROL
 from aatri.errors import InputError
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.poses import ground_from_image
-from aatri.formats.micmac.mmvii import add_mmvii
+from aatri.formats.micmac.dialects import add_mmvii, add_v1
 from aatri.formats.micmac.project import MicmacProject
-from aatri.formats.micmac.v1 import add_v1
 from aatri.formats.micmac.writer import write_micmac
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading, all_files

@@ -4,7 +4,7 @@
     ground_points.xml     DicoAppuisFlottant: control with three coordinates, Incertitude is its standard deviation
     image_points.xml      SetOfMesureAppuisFlottants: every image point, ties too
 
-The forms are those of `v1`. Control that is exact has the Incertitude `EXACT_M`, for zero means nothing there.
+The forms are those of `dialects`. Control that is exact has the Incertitude `EXACT_M`, for zero means nothing there.
 """
 
 from pathlib import Path
@@ -16,7 +16,7 @@ from aatri.errors import GeometryError, InputError
 from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import as_program_states
 from aatri.formats.conventions.poses import stated_rotation
-from aatri.formats.micmac.v1 import CONVENTION
+from aatri.formats.micmac.dialects import CONVENTION
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.results.exported_files import full_control
 from aatri.formats.results.oriented_block import OrientedBlock
@@ -41,8 +41,6 @@ def write_micmac(
         If no image is oriented.
     InputError
         If a distortion has no like, or names cannot be those of files.
-    ResourceError
-        If a file cannot be written.
     """
     block, rows = oriented.block, np.flatnonzero(oriented.oriented)
     if not len(rows):

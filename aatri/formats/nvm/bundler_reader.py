@@ -29,13 +29,7 @@ EXPORT = "the file is incomplete or no bundle file of version 0.3: export it aga
 
 
 def read_bundler(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
-    """Read a bundle file.
-
-    Raises
-    ------
-    InputError
-        If the file is not of this form.
-    """
+    """Read a bundle file."""
     lines = word_lines(path, reporter)
     if lines[0].words[0] != "#" or "v0.3" not in lines[0].words:
         raise lines[0].error("the first line is not `# Bundle file v0.3`", EXPORT)

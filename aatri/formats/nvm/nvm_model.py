@@ -37,13 +37,7 @@ EXPORT = "the file is incomplete or no NVM_V3: export it again"
 
 
 def read_nvm(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
-    """Read a model.
-
-    Raises
-    ------
-    InputError
-        If the file is not of this form.
-    """
+    """Read a model."""
     lines = word_lines(path, reporter, remark="#")
     if lines[0].words[0] != "NVM_V3":
         raise lines[0].error(f"begins with {lines[0].words[0][:20]!r}, not NVM_V3", EXPORT)
@@ -132,8 +126,6 @@ def write_nvm(oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL
     ------
     InputError
         If a camera cannot be written as f, r, or the name of an image has blanks.
-    ResourceError
-        If the file cannot be written.
     """
     block, rays = oriented.block, oriented.model_rays
     lenses, xy_px = centred_cameras(oriented, ["nvm"], reporter, allowed_px=writing.lens_misfit_px)

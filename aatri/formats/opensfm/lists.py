@@ -50,13 +50,7 @@ NEAR_M, NEAR_DEG = 0.01, 1e-7
 
 
 def read_ground_control(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
-    """Read ground control points.
-
-    Raises
-    ------
-    InputError
-        If the file is not of this form.
-    """
+    """Read ground control points."""
     document = JsonText(path, WANTED)
     ground: list[tuple[str, list[float], list[int], int]] = []
     measured: list[tuple[str, str, list[float], int]] = []
@@ -109,13 +103,7 @@ def _columns(names: tuple[str, ...], rows: list[Any]) -> dict[str, Any]:
 
 
 def read_gcp_list(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
-    """Read a list of control.
-
-    Raises
-    ------
-    InputError
-        If a line is not of this form.
-    """
+    """Read a list of control."""
     frame, rows = _lines(path, reading.crs, reporter)
     ids: dict[object, str] = {}
     ground, measured = [], []
@@ -162,13 +150,7 @@ def _tell_near(parts: BlockParts, path: Path, reporter: Reporter) -> None:
 
 
 def read_geo(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
-    """Read a list of positions.
-
-    Raises
-    ------
-    InputError
-        If a line is not of this form.
-    """
+    """Read a list of positions."""
     frame, rows = _lines(path, reading.crs, reporter)
     n = len(rows)
     xyz, sigma, angles = np.full((n, 3), np.nan), np.full((n, 3), np.nan), np.full((n, 3), np.nan)

@@ -62,13 +62,7 @@ WANTED = "a reconstruction.json of OpenSfM"
 
 
 def read_tracks(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
-    """Read tracks.
-
-    Raises
-    ------
-    InputError
-        If a line is not of this form.
-    """
+    """Read tracks."""
     lines = read_lines(path, reporter)
     head = re.fullmatch(r"OPENSFM_TRACKS_VERSION_v([0-9]{1,4})", lines[0].strip())
     version = int(head.group(1)) if head else 0
@@ -113,13 +107,7 @@ def read_tracks(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = 
 
 
 def read_reconstruction(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:
-    """Read a reconstruction.
-
-    Raises
-    ------
-    InputError
-        If the file is not of this form.
-    """
+    """Read a reconstruction."""
     document = JsonText(path, WANTED)
     number = range(len(document.get(list)))
     if not number:

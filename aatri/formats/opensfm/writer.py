@@ -31,15 +31,7 @@ TRACKS = "OPENSFM_TRACKS_VERSION_v2"
 def write_opensfm(
     oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL, reporter: Reporter = SILENT
 ) -> None:
-    """Write the three files.
-
-    Raises
-    ------
-    InputError
-        If a distortion has no like.
-    ResourceError
-        If a file cannot be written.
-    """
+    """Write the three files."""
     block, rays = oriented.block, oriented.rays
     forms = [_forms(lens) for lens in oriented.lenses]
     lenses = [

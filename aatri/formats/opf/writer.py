@@ -63,15 +63,7 @@ class _Scene(NamedTuple):
 
 
 def write_opf(oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL, reporter: Reporter = SILENT) -> None:
-    """Write `project.opf` and its documents.
-
-    Raises
-    ------
-    InputError
-        If a distortion has no like.
-    ResourceError
-        If a file cannot be written.
-    """
+    """Write `project.opf` and its documents."""
     block = oriented.block
     lenses = [as_program_states(lens, ["opf"], reporter, allowed_px=writing.lens_misfit_px) for lens in oriented.lenses]
     scene = _scene(oriented, reporter)

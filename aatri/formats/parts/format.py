@@ -196,11 +196,13 @@ class Format:
     page: str = "docs/formats.md"
     """Page and section of the documentation."""
     read: Callable[[Path, Reading, Reporter], BlockParts] | None = None
-    """None where it is not read, or where a stage of its own reads it."""
+    """None where it is not read, or where a stage of its own reads it. Raises InputError where a file is missing, is
+    not of its form, or has what is not supported; the message names the place."""
     stage: str = ""
     """That stage, where it has one: `block/colmap`; else `block/combined` reads it."""
     write: Callable[[OrientedBlock, Path, Writing, Reporter], None] | None = None
-    """Writes files of this form; see `results.oriented_block`."""
+    """Writes files of this form; see `results.oriented_block`. Raises InputError where a camera or distortion has no
+    like in it, ResourceError where a file cannot be written."""
     written: Sequence[Content] = ()
     """What it writes; what else a block has is told by `registry.sources`."""
     other_names: Sequence[str] = ()

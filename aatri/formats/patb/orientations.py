@@ -99,8 +99,6 @@ def write_patb(oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUA
     ------
     GeometryError
         If no image is oriented.
-    ResourceError
-        If a file cannot be written.
     """
     rows = np.flatnonzero(oriented.oriented)
     if not len(rows):

@@ -72,7 +72,6 @@ def read_all(
 
     Parameters
     ----------
-    paths : sequence of Path
     settings : sequence of Setting
         Of a single source, or of every one; those of the block are no concern of this.
     without : sequence of str

@@ -62,7 +62,6 @@ def short_names(ids: Sequence[str], longest: int, *, numbers: bool = False) -> t
 
     Parameters
     ----------
-    ids : sequence of str
     longest : int
         Most signs of a name; blanks and what is not ASCII have no place in it either.
     numbers : bool
@@ -70,7 +69,6 @@ def short_names(ids: Sequence[str], longest: int, *, numbers: bool = False) -> t
 
     Returns
     -------
-    names : list of str
     table : str
         CSV `written,id`; empty where the ids are written as they are.
     """

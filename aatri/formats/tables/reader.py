@@ -54,10 +54,6 @@ def read_block(folder: Path, reporter: Reporter = SILENT) -> Block:
     reporter : Reporter
         Gets warnings.
 
-    Returns
-    -------
-    Block
-
     Raises
     ------
     InputError

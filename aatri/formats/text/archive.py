@@ -42,10 +42,6 @@ def only_document(names: Iterable[str]) -> str | None:
 class Archive:
     """A zip archive.
 
-    Parameters
-    ----------
-    path : Path
-
     Raises
     ------
     InputError

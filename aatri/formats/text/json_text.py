@@ -27,7 +27,6 @@ class JsonText:
 
     Parameters
     ----------
-    path : Path
     expected : str
         What is to be given instead where it is no JSON.
 

@@ -39,11 +39,6 @@ def read_wucaps(
         Standard deviation of image coordinates; the files have none.
     control_sigma_m : float, m, optional
         Standard deviation of control and check points; None: exact.
-
-    Raises
-    ------
-    InputError
-        If a file is missing or a line is not of its form.
     """
     files = read_files(folder, reporter)
     compare_strips(files, reporter)

@@ -95,7 +95,7 @@ class _Normals:
 
 
 @dataclass(frozen=True)
-class _Reduced:
+class _ReducedNormals:
     """The normal equations of the deformations that are left, without coefficients and similarities."""
 
     z: Int
@@ -190,7 +190,7 @@ def _normals(
     return _Normals(ties, basis, total, inverse, T, N, c, s, z, error)
 
 
-def _reduced(normal: _Normals, n_strips: int) -> _Reduced:
+def _reduced(normal: _Normals, n_strips: int) -> _ReducedNormals:
     """Coefficients and similarities eliminated; without the deformations that these take up whole."""
     N, c, s, z, error = normal.N, normal.c, normal.s, normal.z, normal.taken_up
     L = np.linalg.cholesky(N[c][:, c].toarray())
@@ -200,11 +200,11 @@ def _reduced(normal: _Normals, n_strips: int) -> _Reduced:
     information = brought[z, np.arange(len(z))] + (error * brought[s]).sum(axis=0) - (half**2).sum(axis=0)
     left = information > ABSORBED * np.maximum(N.diagonal()[z], 1e-300)  # neither adjustment took it up whole
     strip, cause = np.repeat(np.arange(n_strips), len(COMPONENT))[left], np.tile(COMPONENT, n_strips)[left]
-    return _Reduced(z[left], strip, cause, error[:, left], A[:, left], Q)
+    return _ReducedNormals(z[left], strip, cause, error[:, left], A[:, left], Q)
 
 
 def _estimated(
-    normal: _Normals, reduced: _Reduced, tied: TiedResult, spread: Spread, axes: Sequence[StripAxes]
+    normal: _Normals, reduced: _ReducedNormals, tied: TiedResult, spread: Spread, axes: Sequence[StripAxes]
 ) -> tuple[DeformationComponents, Int, tuple[str, ...], list[str]]:
     """Variances of the deformations, as many components as the block tells apart; which of these each has, their names,
     and those that are not estimable, with their redundancies.
@@ -230,7 +230,7 @@ def _estimated(
     return estimated, component, names, few
 
 
-def _of_parameters(normal: _Normals, reduced: _Reduced, theta: Float, phi: float, control: Int) -> Float:
+def _of_parameters(normal: _Normals, reduced: _ReducedNormals, theta: Float, phi: float, control: Int) -> Float:
     """Covariances of coefficients, similarities and deformations together, (columns of all strips, square).
 
     Parameters

@@ -85,10 +85,6 @@ def fit_fiducials(
         Marks to use; the rest of a row is padding.
     nominal : (n, 2) float64, mm per unit, optional
         Signed size of the measured units: times this, the measurement counts in mm, x right, y up.
-
-    Returns
-    -------
-    FiducialFit
     """
     size = np.ones((len(measured), 2)) if nominal is None else nominal
     k = PARAMETERS[model]

@@ -65,10 +65,6 @@ def resect_images(
         Start; NaN where unknown.
     ground_from_image : (n_images, 3, 3) float64
         Start.
-
-    Returns
-    -------
-    ResectedImages
     """
     n_images, known = len(c_mm), finite_rows(xyz_m)
     oriented = finite_rows(position_m) & np.isfinite(ground_from_image).all(axis=(1, 2))

@@ -29,11 +29,6 @@ MOST_ROWS, HARDLY_SEPARATED = 40, 0.9
 def parameter_summary(stage: str, solution: Solution) -> dict[str, Any]:
     """What a stage estimated, for the first page: at most 40 parameters, and pairs that the data hardly separate.
 
-    Parameters
-    ----------
-    stage : str
-    solution : Solution
-
     Returns
     -------
     dict

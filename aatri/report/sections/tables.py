@@ -212,12 +212,7 @@ def observation_classes(solution: Solution) -> PageTable | None:
 
 
 def accuracy_table(evaluations: Mapping[str, Mapping[str, Any]]) -> PageTable | None:
-    """Control, check, truth and theory of each evaluation.
-
-    Parameters
-    ----------
-    evaluations : {stage: metrics}
-    """
+    """Control, check, truth and theory of each evaluation."""
     lines = (
         ("fit to control", "RMSE", "control_points", "control_rmse_{}_m"),
         ("independent check", "RMSE", "check_points", "check_rmse_{}_m"),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adapters.bundle.block_start import origin_of
+from aatri.adapters.bundle.block_start import start_origin
 from aatri.adjustment.problem import SolverSettings
 from aatri.observations.control import Control, observed_control
 from aatri.observations.image_point_rows import ImagePointRows
@@ -37,7 +37,7 @@ class Parts:
 
     def together(self) -> BundleInput:
         """The input of the adjustment."""
-        origin = origin_of(self.poses, self.xyz_m)
+        origin = start_origin(self.poses, self.xyz_m)
         images, points = np.asarray(self.image_ids), np.asarray(self.point_ids)
 
         def names(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

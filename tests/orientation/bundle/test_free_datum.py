@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.adapters.bundle.block_start import origin_of
+from aatri.adapters.bundle.block_start import start_origin
 from aatri.adjustment.covariance.marginal import marginal_covariances
 from aatri.adjustment.covariance.s_transformation import s_transformation
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
@@ -203,7 +203,7 @@ def test_a_datum_that_moves_on_a_curve_is_followed_along_it() -> None:
     np.testing.assert_allclose(
         free.adjusted.state[POINT][rows, 2], held.adjusted.state[POINT][rows, 2], rtol=0, atol=1e-6
     )
-    moved = free.adjusted.state[POINT] + origin_of(given.poses, given.xyz_m) - given.xyz_m
+    moved = free.adjusted.state[POINT] + start_origin(given.poses, given.xyz_m) - given.xyz_m
     centred = given.xyz_m - given.xyz_m.mean(axis=0)
     shift, turn = moved.mean(axis=0), np.cross(centred, moved).sum(axis=0) / (centred**2).sum()
     np.testing.assert_allclose([*shift[:2], turn[2]], 0.0, atol=1e-6)
