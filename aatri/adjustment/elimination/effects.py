@@ -15,8 +15,6 @@ A front meets the units that touch its own unknowns or those below it, and passe
 sides at its boundary. Each panel is read once, for all units together, and no U of all kept unknowns is in memory.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Protocol

@@ -1,7 +1,5 @@
 """Options of the search for gross errors."""
 
-from __future__ import annotations
-
 from typing import Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
