@@ -51,9 +51,10 @@ class BlockRecords:
     limit: Float
     """(n, k). |w| up to which a record agrees."""
 
-    def of(self, blocks: Int | Bool) -> BlockRecords:
-        """Some of the blocks."""
-        return BlockRecords(self.v[blocks], self.B[blocks], self.present[blocks], self.firm[blocks], self.limit[blocks])
+    def of(self, blocks: Int | Bool, most: int | None = None) -> BlockRecords:
+        """Some of the blocks, of no more than `most` records each."""
+        columns = (column[blocks, :most] for column in (self.v, self.B, self.present, self.firm, self.limit))
+        return BlockRecords(*columns)
 
 
 @dataclass(frozen=True)
@@ -73,13 +74,32 @@ class Explanation:
 
 
 def explain(records: BlockRecords, suspected: Bool) -> Explanation:
-    """Find what is wrong in each block.
+    """Find what is wrong in each block; blocks of about as many records are looked at together.
 
     Parameters
     ----------
     suspected : (n,) bool
         Blocks in which at least one record is wrong, as a stricter test has shown.
     """
+    n, k = records.present.shape
+    explanation = Explanation(
+        np.zeros((n, k), bool), np.zeros((n, k), bool), np.zeros(n, bool), np.zeros((n, 3)), np.zeros(n)
+    )
+    last = k - records.present[:, ::-1].argmax(axis=1)
+    width = np.minimum(2 ** np.ceil(np.log2(last)).astype(np.int64), k)
+    for most in np.unique(width).tolist():
+        blocks = np.flatnonzero(width == most)
+        part = _explained(records.of(blocks, most), suspected[blocks])
+        explanation.out[blocks, :most], explanation.undecided[blocks, :most] = part.out, part.undecided
+        explanation.single[blocks], explanation.step[blocks], explanation.gain[blocks] = (
+            part.single,
+            part.step,
+            part.gain,
+        )
+    return explanation
+
+
+def _explained(records: BlockRecords, suspected: Bool) -> Explanation:
     n, k = records.present.shape
     cost_before, largest, _ = _agreement(records, records.present)
     keep, undecided, single = records.present.copy(), np.zeros((n, k), dtype=bool), np.zeros(n, dtype=bool)
@@ -92,8 +112,11 @@ def explain(records: BlockRecords, suspected: Bool) -> Explanation:
         if len(missing):
             few, left = unexplained.of(missing), kept[missing]
             free = left & ~few.firm & (left.sum(axis=1) <= MOST_FOR_PAIRS)[:, None]
-            choices: list[Choice] = [((i, j), free[:, i] & free[:, j]) for i, j in combinations(range(k), 2)]
+            choices: list[Choice] = [
+                ((i, j), free[:, i] & free[:, j]) for i, j in combinations(np.flatnonzero(free.any(axis=0)).tolist(), 2)
+            ]
             choices += [((j,), left[:, j] & few.firm[:, j]) for j in range(k)]
+            choices = [(choice, may) for choice, may in choices if may.any()]  # of 500 rays there are 125,000 pairs
             out[missing], unclear[missing] = _least(few, left, choices)
         keep[todo] &= ~out
         undecided[todo] |= unclear
@@ -117,12 +140,12 @@ def _least(records: BlockRecords, kept: Bool, choices: Sequence[Choice]) -> tupl
             value, largest, _ = _agreement(records.of(there), less)
             cost[there, j] = np.where(largest <= 1.0, value, np.inf)
     near = np.isfinite(cost) & (cost <= cost.min(axis=1, initial=np.inf)[:, None] + SEPARABLE)
-    member = np.zeros((len(choices), k), dtype=bool)
+    member = np.zeros((len(choices), k), dtype=np.float32)
     for j, (choice, _) in enumerate(choices):
-        member[j, choice] = True
-    named = (near[:, :, None] & member).any(axis=1)
-    surely = np.where(near[:, :, None], member, True).all(axis=1)
-    return named, named & ~surely
+        member[j, choice] = 1.0
+    count = near.astype(np.float32) @ member  # choices, of those that are as good as the best, that leave a record out
+    named = count > 0
+    return named, named & (count < near.sum(axis=1)[:, None])
 
 
 def _without_each(records: BlockRecords, kept: Bool) -> Float:

@@ -41,7 +41,7 @@ class Members:
     row: Int
     block: Int
     slot: Int
-    """(r,) int64. `block` counts the points."""
+    """(r,) int64. `block` counts the points, ascending."""
 
     def of(self, padded: Bool) -> Bool:
         """From padded (n, k) to the records, (r,)."""
@@ -73,8 +73,8 @@ class AtPoints:
             Of leaving out each member, see `leave_one_out`; NaN not known.
         """
         rejected, undecided, ambiguous = self.out.copy(), self.undecided.copy(), self.undecided & self.single
-        for block in np.unique(self.members.block[ambiguous]).tolist():
-            rows = np.flatnonzero(ambiguous & (self.members.block == block))
+        all_rows = np.flatnonzero(ambiguous)  # point by point, as the members are
+        for rows in np.split(all_rows, np.flatnonzero(np.diff(self.members.block[all_rows])) + 1):
             if np.isfinite(gain[rows]).all():
                 equivalent = as_good(gain[rows])
                 rejected[rows], undecided[rows] = equivalent, equivalent & (equivalent.sum() > 1)
