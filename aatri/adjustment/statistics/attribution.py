@@ -53,8 +53,8 @@ class BlockRecords:
 
     def of(self, blocks: Int | Bool, most: int | None = None) -> BlockRecords:
         """Some of the blocks, of no more than `most` records each."""
-        columns = (column[blocks, :most] for column in (self.v, self.B, self.present, self.firm, self.limit))
-        return BlockRecords(*columns)
+        part = np.s_[blocks, :most]
+        return BlockRecords(self.v[part], self.B[part], self.present[part], self.firm[part], self.limit[part])
 
 
 @dataclass(frozen=True)
