@@ -23,7 +23,13 @@ SHORTEST_WORD = 3
 
 
 def canonical(ids: Iterable[str]) -> list[str]:
-    """The distinct ids in canonical order: by their UTF-8 bytes, so that the order of input never matters."""
+    """The distinct ids in canonical order: by their UTF-8 bytes, so that the order of input never matters.
+
+    Examples
+    --------
+    >>> canonical(["12", "7", "12"])
+    ['12', '7']
+    """
     return sorted(set(ids), key=lambda text: text.encode("utf-8"))
 
 
@@ -54,6 +60,11 @@ def natural_order(texts: Sequence[str] | npt.NDArray[Any]) -> Int:
     Returns
     -------
     (n,) int64
+
+    Examples
+    --------
+    >>> natural_order(["strip 10", "strip 2"]).tolist()
+    [1, 0]
     """
     import re
 
@@ -81,7 +92,13 @@ def invalid(texts: Collection[str]) -> list[str]:
 
 
 def shown(texts: Iterable[str], most: int = 20) -> str:
-    """A list of ids for a message: the first ones and how many more there are."""
+    """A list of ids for a message: the first ones and how many more there are.
+
+    Examples
+    --------
+    >>> shown(["a", "b", "c"], most=2)
+    'a, b and 1 more'
+    """
     listed = [printable(text) for text in texts]
     more = f" and {len(listed) - most} more" if len(listed) > most else ""
     return ", ".join(listed[:most]) + more
@@ -93,7 +110,13 @@ def amounts(counts: Mapping[str, Any]) -> str:
 
 
 def several(n: int, noun: str, one: str = "", more: str = "") -> str:
-    """`1 point` or `3 points`; with a verb that stands beside them, `1 point lies`, `3 points lie`."""
+    """`1 point` or `3 points`; with a verb that stands beside them, `1 point lies`, `3 points lie`.
+
+    Examples
+    --------
+    >>> several(1, "point"), several(3, "point")
+    ('1 point', '3 points')
+    """
     words = f"{n} {noun}" if n == 1 else f"{n} {noun}s"
     return f"{words} {one if n == 1 else more}".rstrip()
 
@@ -120,6 +143,11 @@ def did_you_mean(text: str, names: Iterable[str]) -> str:
     Only names of about the same length with a like beginning or end are compared, and at most `MOST_COMPARED` of them:
     comparing a thousand unknown ids with a thousand known ones would take minutes. A word cut short is near what it
     begins (`max_iter`); a number is not, point 101 is no part of point 101001.
+
+    Examples
+    --------
+    >>> did_you_mean("pricipal_point", ["principal_point", "format"])
+    " - did you mean 'principal_point'?"
     """
     if not 0 < len(text) <= MAX_COMPARED_LENGTH:
         return ""

@@ -61,12 +61,24 @@ def length(metres: float) -> str:
 
 
 def together(values_m: Iterable[float]) -> str:
-    """Sizes of lengths in the unit that suits the largest, to three digits of it: `14.3, 12.1 and 33.4 mm`."""
+    """Sizes of lengths in the unit that suits the largest, to three digits of it: `14.3, 12.1 and 33.4 mm`.
+
+    Examples
+    --------
+    >>> together([0.0143, 0.0121, 0.0334])
+    '14.3, 12.1 and 33.4 mm'
+    """
     return listed(*alike([abs(value) for value in values_m]))
 
 
 def about(value_m: float) -> str:
-    """A length to two digits, in the unit that suits it: `41 mm`."""
+    """A length to two digits, in the unit that suits it: `41 mm`.
+
+    Examples
+    --------
+    >>> about(0.0412)
+    '41 mm'
+    """
     return listed(*alike([value_m], abs(value_m) / 10))
 
 
@@ -117,7 +129,13 @@ def digits(count: int) -> Callable[[float], str]:
 
 
 def decimals(size: float, significant: int = 2) -> int:
-    """Digits after the point that show a size with so many significant ones: of a standard deviation, two."""
+    """Digits after the point that show a size with so many significant ones: of a standard deviation, two.
+
+    Examples
+    --------
+    >>> decimals(0.0234)
+    3
+    """
     if not size > 0 or size == float("inf"):
         return 3
     return min(max(significant - 1 - math.floor(math.log10(size)), 0), 9)

@@ -41,6 +41,13 @@ def mm_from_pixel(pixel_size_mm: Float, origin: str, y_direction: str, format_px
     ------
     InputError
         If the origin, the direction of y, the pixel size or the format is missing or unknown.
+
+    Examples
+    --------
+    The centre of the first pixel is the origin, so that a width of 4000 is centred at 1999.5:
+
+    >>> mm_from_pixel(np.array([0.004, 0.004]), "top-left-centre", "down", np.array([4000.0, 3000.0])) @ [1999.5, 1499.5, 1.0]
+    array([0., 0.])
     """
     size = np.asarray(pixel_size_mm, dtype=np.float64)
     if not (np.isfinite(size).all() and (size > 0).all()):

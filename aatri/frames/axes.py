@@ -18,6 +18,13 @@ def columns_in_order(axes: Sequence[str]) -> list[int]:
     ------
     ValueError
         If the names are not three different axes of one system.
+
+    Examples
+    --------
+    North before east, as geodetic tables have it:
+
+    >>> columns_in_order(["north", "east", "up"])
+    [1, 0, 2]
     """
     places = [_PLACE.get(name, -1) for name in axes]
     if sorted(places) != [0, 1, 2]:

@@ -31,6 +31,11 @@ def in_image_axes(X0: Float, ground_from_image: Float, X: Float) -> Float:
     Returns
     -------
     (n, 3) float64, m
+
+    Examples
+    --------
+    >>> in_image_axes(np.array([[0.0, 0.0, 1000.0]]), np.eye(3)[None], np.array([[50.0, 20.0, 100.0]]))
+    array([[  50.,   20., -900.]])
     """
     return np.asarray(np.einsum("nji,nj->ni", ground_from_image, X - X0))
 

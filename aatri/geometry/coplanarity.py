@@ -53,6 +53,14 @@ def essential_matrix(left_from_right: npt.ArrayLike, base: npt.ArrayLike) -> Flo
     ----------
     left_from_right : (..., 3, 3) float64
     base : (..., 3) float64
+
+    Examples
+    --------
+    Two points of one epipolar line, of images side by side:
+
+    >>> E = essential_matrix(np.eye(3), [1.0, 0.0, 0.0])
+    >>> float(np.array([10.0, 5.0, -150.0]) @ E @ [-80.0, 5.0, -150.0])
+    0.0
     """
     return np.asarray(-skew(base) @ np.asarray(left_from_right))
 

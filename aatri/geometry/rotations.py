@@ -107,6 +107,12 @@ def angles_from_rotation(rotation: npt.ArrayLike, system: str = "omega-phi-kappa
     Returns
     -------
     (..., 3) float64, rad
+
+    Examples
+    --------
+    >>> turned = rotation_from_angles(np.radians([2.0, -3.0, 90.0]))
+    >>> np.degrees(angles_from_rotation(turned)).round(9)
+    array([ 2., -3., 90.])
     """
     R = np.asarray(rotation, dtype=np.float64)
     if system == "omega-phi-kappa":
@@ -156,7 +162,13 @@ def body_from_mount(mount_deg: npt.ArrayLike) -> Float:
 
 
 def skew(v: npt.ArrayLike) -> Float:
-    """Matrix [v]x with [v]x w = v x w."""
+    """Matrix [v]x with [v]x w = v x w.
+
+    Examples
+    --------
+    >>> skew([1.0, 2.0, 3.0]) @ [0.0, 0.0, 1.0]
+    array([ 2., -1.,  0.])
+    """
     v = np.asarray(v)
     matrix = np.zeros((*v.shape, 3), dtype=v.dtype)
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -175,6 +187,11 @@ def exp_rotation(d_rad: npt.ArrayLike) -> npt.NDArray[Any]:
     Returns
     -------
     (..., 3, 3) float64 or complex
+
+    Examples
+    --------
+    >>> (exp_rotation([0.0, 0.0, np.pi / 2]) @ [1.0, 0.0, 0.0]).round(12)
+    array([0., 1., 0.])
     """
     d = np.asarray(d_rad)
     angle = np.sqrt((d * d).sum(axis=-1))[..., None, None]
@@ -204,6 +221,11 @@ def log_rotation(rotation: npt.ArrayLike) -> npt.NDArray[Any]:
     Returns
     -------
     (..., 3) float64 or complex, rad
+
+    Examples
+    --------
+    >>> log_rotation(exp_rotation([0.1, -0.2, 0.3])).round(12)
+    array([ 0.1, -0.2,  0.3])
     """
     matrices = np.asarray(rotation)
     R = matrices.reshape(-1, 3, 3)
@@ -239,6 +261,11 @@ def angles_between(one: Float, other: Float) -> Float:
     Parameters
     ----------
     one, other : (n, 3, 3) float64
+
+    Examples
+    --------
+    >>> angles_between(np.eye(3)[None], exp_rotation([[0.0, 0.25, 0.0]])).round(12)
+    array([0.25])
     """
     angle = np.full(len(one), np.nan)
     both = np.isfinite(one).all(axis=(1, 2)) & np.isfinite(other).all(axis=(1, 2))
@@ -252,6 +279,13 @@ def nearest_rotation(matrix: npt.ArrayLike) -> Float:
     Parameters
     ----------
     matrix : (..., 3, 3) float64
+
+    Examples
+    --------
+    >>> nearest_rotation(np.diag([1.01, 0.99, 1.02])).round(12) + 0.0
+    array([[1., 0., 0.],
+           [0., 1., 0.],
+           [0., 0., 1.]])
     """
     u, _, vt = np.linalg.svd(np.asarray(matrix, dtype=np.float64))
     u = u.copy()
@@ -266,6 +300,11 @@ def levelling(up: Float) -> Float:
     ----------
     up : (3,) float64
         Of any length but zero.
+
+    Examples
+    --------
+    >>> levelling(np.array([0.0, 3.0, 0.0])) @ [0.0, 3.0, 0.0] + 0.0
+    array([0., 0., 3.])
     """
     u = up / np.linalg.norm(up)
     # For u opposite to Z any half turn about a horizontal axis does.

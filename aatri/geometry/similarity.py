@@ -54,6 +54,11 @@ def transform(similarity: Similarity, x: Float) -> Float:
     Returns
     -------
     (n, 3) float64, target unit
+
+    Examples
+    --------
+    >>> transform(Similarity(np.array([10.0, 0.0, 0.0]), 2.0, np.eye(3)), np.array([[1.0, 2.0, 3.0]]))
+    array([[12.,  4.,  6.]])
     """
     return np.asarray(similarity.translation + similarity.scale * x @ similarity.rotation.T)
 
@@ -105,7 +110,15 @@ def updated(similarity: Similarity, dx: Float) -> Similarity:
 
 
 def compose(outer: Similarity, inner: Similarity) -> Similarity:
-    """The similarity `outer(inner(x))`."""
+    """The similarity `outer(inner(x))`.
+
+    Examples
+    --------
+    >>> doubled = Similarity(np.array([10.0, 0.0, 0.0]), 2.0, np.eye(3))
+    >>> twice = compose(doubled, doubled)
+    >>> twice.scale, twice.translation
+    (4.0, array([30.,  0.,  0.]))
+    """
     return Similarity(
         transform(outer, inner.translation[None])[0],
         outer.scale * inner.scale,
@@ -114,7 +127,14 @@ def compose(outer: Similarity, inner: Similarity) -> Similarity:
 
 
 def inverse(similarity: Similarity) -> Similarity:
-    """The similarity from target to source."""
+    """The similarity from target to source.
+
+    Examples
+    --------
+    >>> half = inverse(Similarity(np.array([10.0, 0.0, 0.0]), 2.0, np.eye(3)))
+    >>> half.scale, half.translation + 0.0
+    (0.5, array([-5.,  0.,  0.]))
+    """
     R = similarity.rotation.T
     return Similarity(-R @ similarity.translation / similarity.scale, 1.0 / similarity.scale, R)
 

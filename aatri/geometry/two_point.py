@@ -70,6 +70,12 @@ def two_point_frame(xyz_tp: Float, north_east_height_m: Float) -> TwoPointFrame:
 
 
 def farthest_apart(xy: Float) -> list[int]:
-    """Two of some places (n, 2), about the farthest apart: one farthest from the middle, one farthest from that."""
+    """Two of some places (n, 2), about the farthest apart: one farthest from the middle, one farthest from that.
+
+    Examples
+    --------
+    >>> farthest_apart(np.array([[0.0, 0.0], [1.0, 0.0], [5.0, 1.0]]))
+    [2, 0]
+    """
     first = int(np.argmax(np.linalg.norm(xy - xy.mean(axis=0), axis=1)))
     return [first, int(np.argmax(np.linalg.norm(xy - xy[first], axis=1)))]

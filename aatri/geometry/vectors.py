@@ -12,6 +12,11 @@ def unit(v: npt.ArrayLike) -> Float:
     Parameters
     ----------
     v : (..., 3) float64
+
+    Examples
+    --------
+    >>> unit([3.0, 0.0, 4.0])
+    array([0.6, 0. , 0.8])
     """
     v = np.asarray(v, dtype=np.float64)
     return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))

@@ -126,6 +126,14 @@ def robust_scale(v: Float, redundancy: Float) -> float:
     v : (n,) float64
     redundancy : (n,) float64
         Above zero.
+
+    Examples
+    --------
+    One gross error among twenty hardly counts:
+
+    >>> normal = np.array([-1.5, -1.0, -0.7, -0.4, -0.1, 0.1, 0.4, 0.7, 1.0, 50.0])
+    >>> robust_scale(normal, np.ones(10)) < 1.6
+    True
     """
     w = np.abs(v)
     w /= np.sqrt(redundancy)

@@ -119,6 +119,12 @@ def sigma0_interval(redundancy: int, outside: float = SHOWN) -> tuple[float, flo
     Returns
     -------
     low, high : float
+
+    Examples
+    --------
+    >>> low, high = sigma0_interval(100)
+    >>> round(low, 3), round(high, 3)
+    (0.862, 1.138)
     """
     from scipy.special import chdtri  # inverse of the upper tail
 

@@ -33,6 +33,14 @@ def gains_of_leaving_out(v: Float, H: Float) -> Float:
         Whitened residuals, of an adjustment with all of them; zero for components that are not observed.
     H : (n, m, m) float64
         Covariances of the whitened adjusted values.
+
+    Examples
+    --------
+    A mean of three values, of which the last is off:
+
+    >>> v = np.array([[1.0], [1.0], [-2.0]])
+    >>> gains_of_leaving_out(v, np.full((3, 1, 1), 1 / 3)).round(9)
+    array([1.5, 1.5, 6. ])
     """
     values, vectors = np.linalg.eigh(np.eye(v.shape[1]) - H)
     along = np.einsum("nji,nj->ni", vectors, v)

@@ -63,10 +63,23 @@ def limit_of_tests(tests: int, false_alarm: float = FALSE_ALARM) -> float:
         Components tested.
     false_alarm : float
         Probability that one of them is beyond it where nothing is wrong.
+
+    Examples
+    --------
+    Few tests have the least limit; of a million one is beyond 6.11 with a probability of 0.1 %:
+
+    >>> limit_of_tests(100), round(limit_of_tests(1_000_000, 0.001), 2)
+    (4.0, 6.11)
     """
     return max(LEAST_LIMIT, float(-ndtri(0.5 * false_alarm / max(tests, 1))))
 
 
 def expected_beyond(limit: float, tests: int) -> float:
-    """How many of so many tests chance alone brings beyond a limit."""
+    """How many of so many tests chance alone brings beyond a limit.
+
+    Examples
+    --------
+    >>> round(expected_beyond(3.0, 1000), 1)
+    2.7
+    """
     return float(2.0 * ndtr(-limit) * tests)

@@ -48,6 +48,13 @@ def weights(weighting: Weighting, s: Float, k: float) -> Float:
     Returns
     -------
     (n,) float64, from `FLOOR` to 1
+
+    Examples
+    --------
+    Huber's weights are 1 within the bound and fall as 1 / s beyond it:
+
+    >>> weights("huber", np.array([1.0, 2.0, 8.0]), 2.0)
+    array([1.  , 1.  , 0.25])
     """
     far = np.maximum(s / k, 1.0)
     if weighting == "huber":

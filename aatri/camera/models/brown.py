@@ -35,6 +35,13 @@ def brown_correction(
     Returns
     -------
     (n, 2) float64, mm
+
+    Examples
+    --------
+    At a radius of 100 mm a coefficient k1 of 1e-8 per mm^2 corrects by k1 r^3, 10 um:
+
+    >>> brown_correction(np.array([[100.0, 0.0]]), {"k1": 1e-8}).round(9)
+    array([[0.01, 0.  ]])
     """
     k1, k2, k3, p1, p2, b1, b2 = (parameters.get(name, 0.0) for name in PARAMETERS)
     x, y = xy_mm.T

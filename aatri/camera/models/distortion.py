@@ -156,6 +156,11 @@ def table_correction(
     ------
     InputError
         If the table is empty, its radii do not ascend, or its correction folds the image.
+
+    Examples
+    --------
+    >>> table_correction(np.array([[0.0, 60.0]]), np.array([0.0, 40.0, 80.0]), np.array([0.0, 0.002, 0.004])).round(9)
+    array([[0.   , 0.003]])
     """
     nodes, values = _checked(radius_mm, correction_mm)
     offset = xy_mm - np.asarray(symmetry_point_mm)

@@ -29,6 +29,11 @@ def turn_rad(photo_from_nominal: Float) -> Float:
     Returns
     -------
     (n,) float64, rad
+
+    Examples
+    --------
+    >>> turn_rad(np.array([[[0.0, -1.0], [1.0, 0.0]]])).round(6)
+    array([1.570796])
     """
     A = photo_from_nominal
     return np.arctan2(A[:, 1, 0] - A[:, 0, 1], A[:, 0, 0] + A[:, 1, 1])
