@@ -46,7 +46,8 @@ def mm_from_pixel(pixel_size_mm: Float, origin: str, y_direction: str, format_px
     --------
     The centre of the first pixel is the origin, so that a width of 4000 is centred at 1999.5:
 
-    >>> mm_from_pixel(np.array([0.004, 0.004]), "top-left-centre", "down", np.array([4000.0, 3000.0])) @ [1999.5, 1499.5, 1.0]
+    >>> to_mm = mm_from_pixel(np.array([0.004, 0.004]), "top-left-centre", "down", np.array([4000.0, 3000.0]))
+    >>> to_mm @ [1999.5, 1499.5, 1.0]
     array([0., 0.])
     """
     size = np.asarray(pixel_size_mm, dtype=np.float64)
