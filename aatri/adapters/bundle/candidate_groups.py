@@ -3,7 +3,7 @@
     positions       shift, shift and drift of a strip, a flight; shift and height of all;  lever arm of a camera
     attitudes       shift, shift and drift of a strip, a flight;  boresight of a camera
     image points    of a camera, or of what a strip has of it: c, principal point, radial distortion, affinity
-                    (`camera_effects`)
+                    (`groups.candidates`)
     of an image: affinity
     of a neighbourhood in an image: shift (`neighbourhoods`)
     distances       a common scale, dv/ds = d
@@ -34,8 +34,16 @@ from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import FILM, POINT, POSE
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bundle.block import LINE, STRIP, BundleInput, ImageGroups
-from aatri.orientation.bundle.groups.camera_effects import AFFINITY, CameraEffects
-from aatri.orientation.bundle.groups.candidates import ALL, IMAGE, MOST_TYPICAL, Candidates, Cause, UnitMembers
+from aatri.orientation.bundle.groups.candidates import (
+    AFFINITY,
+    ALL,
+    IMAGE,
+    MOST_TYPICAL,
+    CameraEffects,
+    Candidates,
+    Cause,
+    UnitMembers,
+)
 from aatri.orientation.bundle.groups.frame_marks import gives_coordinates, marks_of_frames, points_of_sets
 from aatri.orientation.bundle.groups.neighbourhoods import MOST_IMAGES, moved_together
 from aatri.orientation.bundle.parameter_estimates import parameter_names

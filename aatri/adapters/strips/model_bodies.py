@@ -24,8 +24,16 @@ from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.positions import PositionOptions, positions, positions_of
 from aatri.observations.ties import MODEL_TIE, PERSPECTIVE_CENTRE
 from aatri.orientation.bodies.datum_analysis import analyse_datum
-from aatri.orientation.bodies.double_models import Unit, double_units, merged
-from aatri.orientation.bodies.model_ties import LATENT, ModelPoses, ModelRows, latent_errors, model_ties
+from aatri.orientation.bodies.model_ties import (
+    LATENT,
+    ModelPoses,
+    ModelRows,
+    Unit,
+    double_units,
+    latent_errors,
+    merged,
+    model_ties,
+)
 from aatri.orientation.bodies.similarity_ties import Similarities
 from aatri.orientation.strips.model_errors import point_errors, root_of
 

@@ -1,4 +1,12 @@
-"""Candidate groups: what observations of one kind may have in common, unit by unit, as derivatives of residuals."""
+"""Candidate groups: what observations of one kind may have in common, unit by unit, as derivatives of residuals.
+
+What a camera may be wrong in is made for those image points that are asked for:
+
+    dv/dc = (x, y) / c,   dv/dx0 = (1, 0),   dv/dy0 = (0, 1),   dv/dp = -(x, y) r^2 / r0^3
+    affinity:  dv/da = (-x, y) / r0,   dv/db = (-y, -x) / r0
+
+with x, y the photo coordinates, r their distance from the principal point, r0 half the diagonal of the format.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -10,6 +18,9 @@ from aatri.adjustment.elimination.effects import Effects
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.result import BundleResult
+
+AFFINITY = 4
+"""First of the columns of affinity and shear, the last two."""
 
 ALL = "all"
 """The unit of a whole kind."""
@@ -29,6 +40,33 @@ NEIGHBOURHOOD = "neighbourhood"
 MARK = "mark"
 """What units of a portable frame are, and of control with full covariances: a part of one record, that is used without
 it."""
+
+
+@dataclass(frozen=True)
+class CameraEffects:
+    """Derivatives by c, x0, y0, radial distortion at r0, affinity and shear at r0, (n, 2, 6)."""
+
+    xy_mm: Float
+    """(n, 2)."""
+    c_mm: Float
+    r0_mm: Float
+    """(n,)."""
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """n, 2 and 6."""
+        return len(self.xy_mm), 2, AFFINITY + 2
+
+    def __getitem__(self, rows: Int | Bool | slice, /) -> Float:
+        """Those of some image points."""
+        xy_mm, r0_mm = self.xy_mm[rows], self.r0_mm[rows]
+        H, x = np.zeros((len(xy_mm), 2, AFFINITY + 2)), xy_mm / r0_mm[:, None]
+        H[:, :, 0] = xy_mm / self.c_mm[rows][:, None]
+        H[:, 0, 1] = H[:, 1, 2] = 1.0
+        H[:, :, 3] = -x * (x**2).sum(axis=1, keepdims=True)
+        H[:, 0, AFFINITY], H[:, 1, AFFINITY] = -x[:, 0], x[:, 1]
+        H[:, 0, AFFINITY + 1], H[:, 1, AFFINITY + 1] = -x[:, 1], -x[:, 0]
+        return H
 
 
 @dataclass(frozen=True)

@@ -36,8 +36,7 @@ from aatri.orientation.bundle.groups.candidates import (
     Cause,
     dispersion_of,
 )
-from aatri.orientation.bundle.groups.group import Group
-from aatri.orientation.bundle.groups.harm import with_change
+from aatri.orientation.bundle.groups.group import Group, with_change
 from aatri.orientation.bundle.result import BundleResult
 
 MOST_GROUPS, EXPLAINS = 4, 0.1

@@ -36,8 +36,7 @@ from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, misfit, te
 from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, without_groups
 from aatri.orientation.bundle.groups.candidates import MARK, CandidatesOf
 from aatri.orientation.bundle.groups.frame_marks import SETS_OUT, rejected_points_of_sets, without_rejected_sets
-from aatri.orientation.bundle.groups.group import Group
-from aatri.orientation.bundle.groups.harm import with_harm
+from aatri.orientation.bundle.groups.group import Group, with_harm
 from aatri.orientation.bundle.groups.score_tests import at_result, is_significant, significant_groups
 from aatri.orientation.bundle.groups.single_errors import attempted, beyond_exact, cost_without_worst, largest_gain_root
 from aatri.orientation.bundle.result import BundleResult, from_result
