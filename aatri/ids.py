@@ -152,14 +152,14 @@ def did_you_mean(text: str, names: Iterable[str]) -> str:
     if not 0 < len(text) <= MAX_COMPARED_LENGTH:
         return ""
     head, tail, reach = text[:1].casefold(), text[-1:].casefold(), max(2, len(text) // 2)
-    known = list(itertools.islice(names, MOST_LOOKED_AT))
+    candidates = list(itertools.islice(names, MOST_LOOKED_AT))
     alike = [
         name
-        for name in known
+        for name in candidates
         if abs(len(name) - len(text)) <= reach and (name[:1].casefold() == head or name[-1:].casefold() == tail)
     ]
     other_case = [name for name in alike if name.casefold() == text.casefold()]
     near = other_case[:1] or difflib.get_close_matches(text, alike[:MOST_COMPARED], n=1, cutoff=0.6)
     if not near and len(text) >= SHORTEST_WORD and text.replace("_", "").isalpha():  # ids count on: P1, P10, P101
-        near = [name for name in known if name.casefold().startswith(text.casefold())][:1]
+        near = [name for name in candidates if name.casefold().startswith(text.casefold())][:1]
     return f" - did you mean {near[0]!r}?" if near else ""

@@ -267,7 +267,7 @@ def run_pipeline(
     from aatri.report.page import write_report
 
     path = written(pipeline) if isinstance(pipeline, Mapping) else Path(pipeline)
-    set_, use = ((given,) if isinstance(given, str) else tuple(given) for given in (set, use))
+    set_, use = ((texts,) if isinstance(texts, str) else tuple(texts) for texts in (set, use))
     request = Request(str(path), str(into or ""), set_, use, variant, local_plugins)
     opened = open_request(request)
     settings = runner.RunSettings(

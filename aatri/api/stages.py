@@ -59,13 +59,14 @@ class StageCall:
         import numpy as np
 
         ports = list(self.ports)
-        given = dict(zip(ports, inputs)) | {name: named.pop(name) for name in ports if name in named}
+        artifacts = dict(zip(ports, inputs)) | {name: named.pop(name) for name in ports if name in named}
         wrong = [
-            f"{port.name} is {type(given[port.name]).__name__}, not {port.kind.kind}"
-            if port.name in given
+            f"{port.name} is {type(artifacts[port.name]).__name__}, not {port.kind.kind}"
+            if port.name in artifacts
             else f"needs {port.name}, a {port.kind.kind}"
             for port in self._card.ports
-            if not isinstance(given.get(port.name), port.kind) and not (port.optional and port.name not in given)
+            if not isinstance(artifacts.get(port.name), port.kind)
+            and not (port.optional and port.name not in artifacts)
         ]
         if len(inputs) > len(ports):
             wrong.append(f"takes {several(len(ports), 'input')}, not {len(inputs)}")
@@ -77,7 +78,7 @@ class StageCall:
             extras["options"] = self._options(named)
         elif named:
             raise SpecError(f"unknown option {next(iter(named))!r}; it takes none", where=self._card.name)
-        return self._card.function(**given, **extras)
+        return self._card.function(**artifacts, **extras)
 
     def _options(self, named: Mapping[str, Any]) -> Any:
         model = self._card.options

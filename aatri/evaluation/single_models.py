@@ -194,8 +194,8 @@ def _restituted(
     """Some models and what they are compared with: coordinates of control and check points, (n_points, 3) m."""
     X, w, parallax = intersected(pairs.poses, rays, pairs.xyz_m[rays.point])
     X = to_block(X)
-    known = {role: np.flatnonzero(np.isfinite(xyz[rays.point]).any(axis=1)) for role, xyz in reference.items()}
-    off = {role: X[rows] - reference[role][rays.point[rows]] for role, rows in known.items()}
+    rows_by_role = {role: np.flatnonzero(np.isfinite(xyz[rays.point]).any(axis=1)) for role, xyz in reference.items()}
+    off = {role: X[rows] - reference[role][rays.point[rows]] for role, rows in rows_by_role.items()}
     n = len(rays.left)
     first = np.searchsorted(rays.model, np.arange(n + 1))
     size = np.nan_to_num(np.abs(parallax), nan=-1.0)
@@ -210,7 +210,7 @@ def _restituted(
 
     def count(role: int) -> Int:
         weights = np.isfinite(off[role]).any(axis=1)
-        return np.bincount(rays.model[known[role]], weights=weights, minlength=n).astype(np.int32)
+        return np.bincount(rays.model[rows_by_role[role]], weights=weights, minlength=n).astype(np.int32)
 
     ids, position_m = pairs.block.images.id, pairs.poses.position_m
     base = position_m[rays.right] - position_m[rays.left]
@@ -225,9 +225,9 @@ def _restituted(
         w_rms=of_models(w[:, None])[:, 0],
         adjusted_rms_m=of_models(X - pairs.solution.points.xyz_m[rays.point]),
         control_points=count(CONTROL),
-        control_rms_m=of_models(off[CONTROL], rays.model[known[CONTROL]]),
+        control_rms_m=of_models(off[CONTROL], rays.model[rows_by_role[CONTROL]]),
         check_points=count(CHECK),
-        check_rms_m=of_models(off[CHECK], rays.model[known[CHECK]]),
+        check_rms_m=of_models(off[CHECK], rays.model[rows_by_role[CHECK]]),
     )
 
 

@@ -53,12 +53,12 @@ class Session:
         self._made = 0
         self._version = 0
 
-    def state(self, known: int = -1) -> Values:
+    def state(self, known_version: int = -1) -> Values:
         """Images and points with their counts; only the version if it is the one known."""
         with self._lock:
             self._refresh()
-            if known == self._version:
-                return {"version": known}
+            if known_version == self._version:
+                return {"version": known_version}
             folder, counts, of_image = self.folder, self.folder.points.counts(), self.folder.points.image_counts()
             names = list(dict.fromkeys([*folder.ground, *(name for _, _, name, _ in self._changes.values())]))
             if len(counts) <= MOST_LISTED:

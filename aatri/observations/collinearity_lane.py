@@ -71,7 +71,7 @@ def compiled_lane(
                     else:
                         v[:], by_u, by_camera = compared(cameras, parameters, order[first:last], u, xy[first:last])
                     w = weight[first:last]
-                    if cameras.known is None:
+                    if cameras.fixed is None:
                         np.multiply(by_camera, w[:, :, None], out=J[-2])
                     v *= w
                     out_of_camera(first, last, image, point, X0, R, X, weight, by_u, J[0], J[-1])
@@ -140,16 +140,16 @@ class CameraRows:
     """(n,). Block of the group CAMERA for each ray."""
     model: tuple[str, ...]
     """(n_blocks,) str. Model of each block, see `calibration.PARAMETERS`; blocks are as wide as the widest model."""
-    known: Float | None = None
+    fixed: Float | None = None
     """(n_blocks, s). Parameters, where none of them is unknown: then the records do not touch the group."""
 
     def take(self, rows: Int | Bool) -> CameraRows:
         """The chosen rows."""
-        return CameraRows(self.block[rows], self.model, self.known)
+        return CameraRows(self.block[rows], self.model, self.fixed)
 
     def parameters(self, state: State) -> Float:
         """Values of all blocks."""
-        return np.asarray(state[CAMERA] if self.known is None else self.known)
+        return np.asarray(state[CAMERA] if self.fixed is None else self.fixed)
 
 
 def known_beforehand(rows: ImagePointRows, cameras: CameraRows) -> tuple[ImagePointRows, CameraRows | None]:
@@ -160,7 +160,7 @@ def known_beforehand(rows: ImagePointRows, cameras: CameraRows) -> tuple[ImagePo
     cameras : CameraRows
         With `known`.
     """
-    values = cameras.known
+    values = cameras.fixed
     assert values is not None
     used = np.unique(cameras.block)
     if not {cameras.model[k] for k in used} <= set(CORRECTING):

@@ -195,7 +195,7 @@ def image_point_records(
 ) -> Records:
     """Records of image points; they touch pose, corrections in their order, camera if unknown, and point."""
     touches = [(POSE, rows.image), *((c.group, c.block) for c in corrections)]
-    if cameras is not None and cameras.known is None:
+    if cameras is not None and cameras.fixed is None:
         touches.append((CAMERA, cameras.block))
     touches.append((POINT, rows.point))
     equations = Collinearity(rows, corrections, cameras)
@@ -210,4 +210,4 @@ def _at_camera(
         xy, by_u = project_derivatives(u, rows.c_mm[chosen])
         return xy - rows.xy_mm[chosen], by_u, ()
     v, by_u, by_camera = compared(cameras, cameras.parameters(state), chosen, u, rows.xy_mm[chosen])
-    return v, by_u, (by_camera,) if cameras.known is None else ()
+    return v, by_u, (by_camera,) if cameras.fixed is None else ()

@@ -87,11 +87,11 @@ def near_pairs(position_m: Float, neighbours: int) -> Int:
     position_m : (n, 2) or (n, 3) float64, m
         NaN where not known: such images pair with none.
     """
-    known = np.flatnonzero(np.isfinite(position_m[:, :2]).all(axis=1))
-    if len(known) < 2:
+    placed = np.flatnonzero(np.isfinite(position_m[:, :2]).all(axis=1))
+    if len(placed) < 2:
         return np.zeros((0, 2), dtype=np.int64)
-    near = KDTree(position_m[known, :2]).query(position_m[known, :2], k=min(neighbours + 1, len(known)))[1]
-    pairs = np.column_stack([np.repeat(known, near.shape[1]), known[near.ravel()]])
+    near = KDTree(position_m[placed, :2]).query(position_m[placed, :2], k=min(neighbours + 1, len(placed)))[1]
+    pairs = np.column_stack([np.repeat(placed, near.shape[1]), placed[near.ravel()]])
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     return np.unique(np.sort(pairs, axis=1), axis=0)
 

@@ -128,17 +128,19 @@ def scan_marks(path: str, picture: str, content: str, settings: str) -> ScanMark
         If the file is not the one that the block was made with.
     """
     check_content(content, path)
-    given = json.loads(settings)
+    search = json.loads(settings)
     template = (
-        whole_image(picture).astype(float) if picture else drawn(given["shape"], given["size_px"], given["stroke_px"])
+        whole_image(picture).astype(float)
+        if picture
+        else drawn(search["shape"], search["size_px"], search["stroke_px"])
     )
     width, height = (size_px(path) if path.lower().endswith(TIFF) else whole_image(path).shape[::-1])[:2]
     centre = (np.array([width, height]) - 1) / 2
     rows = []
-    for place in np.array(given["places_px"]):
-        first = np.clip(np.round(centre + place - given["half_px"]), 0, [width - 1, height - 1]).astype(int)
-        last = np.clip(np.round(centre + place + given["half_px"]), 0, [width - 1, height - 1]).astype(int)
-        match = best_place(_window(path, first, last).astype(float), template, negative=given["negative"])
+    for place in np.array(search["places_px"]):
+        first = np.clip(np.round(centre + place - search["half_px"]), 0, [width - 1, height - 1]).astype(int)
+        last = np.clip(np.round(centre + place + search["half_px"]), 0, [width - 1, height - 1]).astype(int)
+        match = best_place(_window(path, first, last).astype(float), template, negative=search["negative"])
         rows.append((*(match.xy_px + first), *match.sigma_px, match.correlation, match.second))
     table = np.array(rows)
     return ScanMarks(

@@ -108,8 +108,8 @@ def _accuracy(figures: Mapping[str, float], block: Block | None) -> str:
         return "The accuracy was not evaluated."
     theory = {axis.upper(): figures[name] for axis in "xyz" if (name := f"theory_rmse_{axis}_m") in figures}
     size = (together(theory.values()) if has_scale(block) else listed(*of_model(theory.values()))) if theory else ""
-    known = f"; by their standard deviations new points are known to {size} in {_and(theory)}" if theory else ""
-    return f"Nothing independent is known of the accuracy ({without_comparison(block, figures)}){known}."
+    expected = f"; by their standard deviations new points are known to {size} in {_and(theory)}" if theory else ""
+    return f"Nothing independent is known of the accuracy ({without_comparison(block, figures)}){expected}."
 
 
 def _theory(figures: Mapping[str, float], what: str) -> str:

@@ -148,7 +148,11 @@ def _made(
     done = AdjustedBlock(inputs, adjust(inputs, settings))
     result, uncontrolled = done.result, uncontrolled_of(done.result)
     report(
-        [*result.notes, *left_out(inputs, result), *sigma0(result, options.max_sigma0, held=_held(inputs, result))],
+        [
+            *result.notes,
+            *left_out(inputs, result),
+            *sigma0(result, options.max_sigma0, held_unknowns=_held(inputs, result)),
+        ],
         context,
     )
     report(uncontrolled_observations(uncontrolled), context)

@@ -181,8 +181,8 @@ def rays_of_rejected_ties(block: Block, image_points: ImagePoints | None, suspec
     if image_points is None or not len(ties):
         return set()
     strip, point = rows_of(suspects.image[ties], block.strips.id), rows_of(suspects.point[ties], block.points.id)
-    n, m, known = len(block.points), image_points.measurements, (strip >= 0) & (point >= 0)
-    rejected = (strip.astype(np.int64) * n + point)[known]
+    n, m, of_strip = len(block.points), image_points.measurements, (strip >= 0) & (point >= 0)
+    rejected = (strip.astype(np.int64) * n + point)[of_strip]
     rows = np.flatnonzero(np.isin(block.images.strip[m.image].astype(np.int64) * n + m.point, rejected))
     return {(IMAGE_POINT, row) for row in rows.tolist()}
 

@@ -85,7 +85,7 @@ class ModelsAsBodies:
             np.concatenate([self.points.block, len(block.points) + self.centres.block]),
         )
 
-    def known(self, block: Block) -> Iterator[tuple[Observed, Int]]:
+    def of_ground(self, block: Block) -> Iterator[tuple[Observed, Int]]:
         """What is observed of the ground, and of which objects."""
         for o in self.ground:
             ((group, touched),) = o.records.touches
@@ -127,7 +127,7 @@ def bodies_of(
     while True:
         bodies = made(chosen)
         model, body = bodies.shared(block)  # perspective centres count as shared, too
-        on_ground = np.isin(body, np.concatenate([objects for _, objects in bodies.known(block)]))
+        on_ground = np.isin(body, np.concatenate([objects for _, objects in bodies.of_ground(block)]))
         shared = on_ground | (np.bincount(body)[body] > 1)
         loose = np.asarray(np.bincount(model[shared], minlength=len(bodies.model)) < FEWEST)
         if not loose.any():
@@ -250,7 +250,7 @@ def _open(bodies: ModelsAsBodies, block: Block, models: Int) -> str:
     there, first = np.unique(body, return_index=True)
     place = np.full((len(block.points) + len(block.images), 3), np.nan)
     place[there] = xyz[first]
-    observed = [o.take(np.flatnonzero(np.isin(objects, there))) for o, objects in bodies.known(block)]
+    observed = [o.take(np.flatnonzero(np.isin(objects, there))) for o, objects in bodies.of_ground(block)]
     of_models = f"{several(len(models), 'model')}, {names[models[0]]} to {names[models[-1]]}"
     if not any(map(len, observed)):
         return f"{of_models}: they hold no control point and no observed position"

@@ -139,12 +139,12 @@ def _least_bound(redundancy: Float, observed: Bool) -> Float:
     That of matrices without negative ones is at least det ((m - 1) / trace)^(m - 1).
     Infinite where nothing is observed or known.
     """
-    known = finite_rows(redundancy) & observed.any(axis=1)
-    R = _of_observed(np.where(known[:, None, None], redundancy, np.eye(redundancy.shape[1])), observed)
+    is_tested = finite_rows(redundancy) & observed.any(axis=1)
+    R = _of_observed(np.where(is_tested[:, None, None], redundancy, np.eye(redundancy.shape[1])), observed)
     m, trace = R.shape[1], np.einsum("nii->n", R)
     det = R[:, 0, 0] * R[:, 1, 1] - R[:, 0, 1] ** 2 if m == 2 else np.linalg.det(R)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(known, det * ((m - 1) / trace) ** (m - 1), np.inf)
+        return np.where(is_tested, det * ((m - 1) / trace) ** (m - 1), np.inf)
 
 
 def _in_units(direction: Float, whitener: Float, observed: Bool) -> Float:

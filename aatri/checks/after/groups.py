@@ -172,14 +172,14 @@ def _agree(difference: Float, sigma: Float) -> bool:
     return float(((difference / sigma) ** 2).sum()) <= float(chdtri(3, OTHER_LEVER_ARM))
 
 
-def _readings(given: Float, units: Mapping[str, float]) -> Iterator[tuple[str, Float]]:
+def _readings(stated: Float, units: Mapping[str, float]) -> Iterator[tuple[str, Float]]:
     """Readings of three values in other units and with opposite signs, in words and the values; the simplest first."""
     for unit, factor in units.items():
         for signs in sorted(product((1.0, -1.0), repeat=3), key=lambda signs: (sum(signs) % 3 != 0, -sum(signs))):
-            turned = [axis for axis, sign, value in zip("xyz", signs, given) if sign < 0 and value]
+            turned = [axis for axis, sign, value in zip("xyz", signs, stated) if sign < 0 and value]
             yield (
                 unit + f" with the opposite sign of {', '.join(turned)}" * bool(turned),
-                factor * np.array(signs) * given,
+                factor * np.array(signs) * stated,
             )
 
 

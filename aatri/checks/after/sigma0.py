@@ -36,7 +36,7 @@ def sigma0(
     cause: Finding | None = None,
     *,
     with_cause: float = np.inf,
-    held: int = 0,
+    held_unknowns: int = 0,
     searched: bool = True,
 ) -> list[Finding]:
     """sigma0 with its interval; an error where it is beyond `max_sigma0`.
@@ -51,7 +51,7 @@ def sigma0(
         Of the standard deviations in use over those given, of most observations: `max_sigma0` is for those given.
     cause : Finding, optional
         A group that the result contradicts: it says what to do before anything else.
-    held : int
+    held_unknowns : int
         Unknowns that are held at values which may be made of the observations.
     searched : bool
         Whether gross errors were looked for; else the largest misfits are named.
@@ -74,11 +74,11 @@ def sigma0(
                 error=ConvergenceError,
             )
         ]
-    if 0 < held < counted and test.sigma0 < test.low:
-        follow = global_test(test.sigma0 * (counted / (counted - held)) ** 0.5, counted - held)
+    if 0 < held_unknowns < counted and test.sigma0 < test.low:
+        follow = global_test(test.sigma0 * (counted / (counted - held_unknowns)) ** 0.5, counted - held_unknowns)
         if follow.sigma0 >= follow.low:
             text = (
-                f"sigma0 {test.sigma0:.3f} (redundancy {counted}); as the {several(held, 'unknown')} "
+                f"sigma0 {test.sigma0:.3f} (redundancy {counted}); as the {several(held_unknowns, 'unknown')} "
                 f"held follow the observations that made them, {follow.sigma0:.3f} (redundancy {follow.redundancy})"
             )
             return [Finding("sigma0", "note", text, statistic=follow.sigma0)]

@@ -219,13 +219,13 @@ def _control(element: XmlElement) -> dict[str, Any]:
     role = CHECK if check is not None and check.text == "true" else CONTROL
     across, up = (element.number(f"{way}Accuracy", default=np.nan) for way in ("Horizontal", "Vertical"))
     check_positive(element, (across, up))
-    known = CATEGORIES[kind]
+    axes_of_category = CATEGORIES[kind]
     position = element.one("Position")
-    there = [bool(k or position.all(axis)) for k, axis in zip(known, XYZ)]
+    there = [bool(k or position.all(axis)) for k, axis in zip(axes_of_category, XYZ)]
     return {
         "xyz_m": [position.number(axis) if is_there else np.nan for axis, is_there in zip(XYZ, there)],
-        "sigma_m": [sigma if k else 0.0 for sigma, k in zip((across, across, up), known)],
-        "role": [role if k else APPROXIMATE if is_there else NO_ROLE for k, is_there in zip(known, there)],
+        "sigma_m": [sigma if k else 0.0 for sigma, k in zip((across, across, up), axes_of_category)],
+        "role": [role if k else APPROXIMATE if is_there else NO_ROLE for k, is_there in zip(axes_of_category, there)],
     }
 
 

@@ -43,9 +43,9 @@ def write_blocksexchange(
         for image, xy in zip(oriented.rays.image.tolist(), xy_px.tolist())
     ]
     marks = {point: [measured[k] for k in rows] for point, rows in oriented.rays.of_points().items()}
-    known = control_points(oriented)
-    written = [p for p in known if p.known in CATEGORY]
-    if strange := [p.id for p in known if p.known not in CATEGORY]:
+    points = control_points(oriented)
+    written = [p for p in points if p.known in CATEGORY]
+    if strange := [p.id for p in points if p.known not in CATEGORY]:
         reporter.warn(f"control of one plan coordinate has no category, and is left out: {shown(strange)}")
     if unlike := [p.id for p in written if p.known[0] and p.sigma_m[0] != p.sigma_m[1]]:
         reporter.log(f"sigmas of east and north become their quadratic mean: {shown(unlike)}")
@@ -111,7 +111,7 @@ def _control(p: ControlPoint, measurements: list[ET.Element], number: list[ET.El
         element("Category", CATEGORY[p.known]),
         element("CheckPoint", "true" if p.is_check else "false"),
         _xyz("Position", np.nan_to_num(p.xyz_m).tolist()),
-        *(element(tag, value) for tag, value, known in sigma if known and value > 0),
+        *(element(tag, value) for tag, value, is_known in sigma if is_known and value > 0),
         *measurements,
     )
 

@@ -177,8 +177,10 @@ def _parameter_rows(stated: Lens, ours: Lens) -> list[tuple[str, str, float, boo
     """Camera, name, value, and whether the program knows it, for each parameter of our model."""
     terms = FORMS[ours.form].terms
     fitted = not _has_place_for(stated, ours.form)
-    known = _names(terms.values()) if fitted else _names(FORMS[stated.form].terms.values())
-    rows = [(ours.id, name, ours.parameters.get(name, 0.0), term.name in known) for name, term in terms.items()]
+    estimated_names = _names(terms.values()) if fitted else _names(FORMS[stated.form].terms.values())
+    rows = [
+        (ours.id, name, ours.parameters.get(name, 0.0), term.name in estimated_names) for name, term in terms.items()
+    ]
     off_centre = FORMS[stated.form].principal_point
     return rows + [(ours.id, name, np.nan, off_centre or name == INTERIOR[0]) for name in INTERIOR]
 

@@ -212,8 +212,8 @@ def as_ground_from_image(
     """
     sense, reason = maps, "as `maps` says"
     if sense is None:
-        known = np.isfinite(stated).all(axis=(1, 2)) & np.isfinite(position_m).all(axis=1)
-        shown = sense_of(stated[known], position_m[known], usual)
+        complete = np.isfinite(stated).all(axis=(1, 2)) & np.isfinite(position_m).all(axis=1)
+        shown = sense_of(stated[complete], position_m[complete], usual)
         sense, reason = shown.sense, "as the lines of the flight show"
         if sense is not None and not shown.decided:
             reason = "as usual: with lines along the axes of the ground system both senses are alike"

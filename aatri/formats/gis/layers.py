@@ -89,11 +89,11 @@ def _images(oriented: OrientedBlock) -> Layer:
     angles, sigma = np.degrees(angles_from_rotation(R)), np.full((n, 6), np.nan)
     if solution is not None:
         covariance = solution.images.covariance
-        known = np.isfinite(covariance).all(axis=(1, 2)) & oriented.oriented
-        sigma[known, :3] = np.sqrt(np.einsum("nii->ni", covariance[known, :3, :3]))
-        if known.any():
-            of_angles = angle_covariance(R[known], covariance[known, 3:, 3:], "omega-phi-kappa")
-            sigma[known, 3:] = np.degrees(np.sqrt(np.einsum("nii->ni", of_angles)))
+        has_covariance = np.isfinite(covariance).all(axis=(1, 2)) & oriented.oriented
+        sigma[has_covariance, :3] = np.sqrt(np.einsum("nii->ni", covariance[has_covariance, :3, :3]))
+        if has_covariance.any():
+            of_angles = angle_covariance(R[has_covariance], covariance[has_covariance, 3:, 3:], "omega-phi-kappa")
+            sigma[has_covariance, 3:] = np.degrees(np.sqrt(np.einsum("nii->ni", of_angles)))
     rays = np.bincount(oriented.rays.image, minlength=n).tolist()
     for row in np.flatnonzero(np.isfinite(oriented.position_m).all(axis=1)).tolist():
         camera = str(block.cameras.id[block.images.camera[row]])
@@ -190,9 +190,9 @@ def _points(oriented: OrientedBlock) -> Layer:
     )
     rays = np.bincount(oriented.rays.point, minlength=len(block.points)).tolist()
     for row in np.flatnonzero(np.isfinite(oriented.xyz_m).all(axis=1)).tolist():
-        known = np.isfinite(covariance[row]).all()
-        sigma = np.sqrt(np.diag(covariance[row])).tolist() if known else [np.nan] * 3
-        axes = ellipse(covariance[row]) if known else (np.nan,) * 3
+        has_covariance = np.isfinite(covariance[row]).all()
+        sigma = np.sqrt(np.diag(covariance[row])).tolist() if has_covariance else [np.nan] * 3
+        axes = ellipse(covariance[row]) if has_covariance else (np.nan,) * 3
         layer.add(oriented.xyz_m[row], str(block.points.id[row]), rays[row], *sigma, *axes)
     return layer
 
@@ -200,12 +200,12 @@ def _points(oriented: OrientedBlock) -> Layer:
 def _ellipses(oriented: OrientedBlock) -> Layer:
     layer = Layer("ellipses", "Polygon", {"point": str, **_floats("a_m", "b_m", "azimuth_deg", "factor")})
     covariance, xyz = _covariances(oriented), oriented.xyz_m
-    known = np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(xyz).all(axis=1)
-    axes = {row: ellipse(covariance[row]) for row in np.flatnonzero(known).tolist()}
+    has_ellipse = np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(xyz).all(axis=1)
+    axes = {row: ellipse(covariance[row]) for row in np.flatnonzero(has_ellipse).tolist()}
     drawn = {row: ellipse for row, ellipse in axes.items() if ellipse[0] > 0}
     if not drawn:
         return layer
-    extent_m = float(np.ptp(xyz[known, :2], axis=0).max())
+    extent_m = float(np.ptp(xyz[has_ellipse, :2], axis=0).max())
     largest = max(SHARE * extent_m / float(np.median([a for a, _, _ in drawn.values()])), 1.0)
     factor = 10.0 ** np.floor(np.log10(largest))
     turn = np.linspace(0.0, 2 * np.pi, AROUND + 1)
@@ -233,20 +233,20 @@ def _control(oriented: OrientedBlock) -> Layer:
     )
     rays = np.bincount(oriented.rays.point, minlength=len(oriented.block.points)).tolist()
     for p in control_points(oriented):
-        given = np.where(p.known, p.xyz_m, np.nan)
+        given_m = np.where(p.known, p.xyz_m, np.nan)
         sigma = np.where(p.known, p.sigma_m, np.nan)
         adjusted = oriented.xyz_m[p.row] if oriented.solution is not None else np.full(3, np.nan)
-        place = np.where(np.isfinite(given), given, adjusted)
+        place = np.where(np.isfinite(given_m), given_m, adjusted)
         if np.isfinite(place[:2]).all():
-            known = "".join(axis for axis, k in zip("XYZ", p.known) if k)
+            known_axes = "".join(axis for axis, k in zip("XYZ", p.known) if k)
             layer.add(
                 np.nan_to_num(place),
                 p.id,
                 "check" if p.is_check else "control",
-                known,
+                known_axes,
                 rays[p.row],
-                *given.tolist(),
+                *given_m.tolist(),
                 *sigma.tolist(),
-                *(adjusted - given).tolist(),
+                *(adjusted - given_m).tolist(),
             )
     return layer

@@ -265,12 +265,12 @@ class _Rows:
             R, axes = angle_axes(angles, system)
         self._hold_against_matrix(R)
         of_rotation = np.einsum("nij,nj,nkj->nik", axes, sigma**2, axes)
-        known = np.isfinite(of_rotation).all(axis=(1, 2)) & np.isfinite(R).all(axis=(1, 2))
+        has_covariance = np.isfinite(of_rotation).all(axis=(1, 2)) & np.isfinite(R).all(axis=(1, 2))
         sigma_opk = np.full_like(angles, np.nan)
-        if known.any():
-            variance = angle_covariance(R[known], of_rotation[known], "omega-phi-kappa")
-            sigma_opk[known] = np.sqrt(np.einsum("nii->ni", variance))
-        use = np.where(known, OBSERVED_VALUE, APPROXIMATE_VALUE)
+        if has_covariance.any():
+            variance = angle_covariance(R[has_covariance], of_rotation[has_covariance], "omega-phi-kappa")
+            sigma_opk[has_covariance] = np.sqrt(np.einsum("nii->ni", variance))
+        use = np.where(has_covariance, OBSERVED_VALUE, APPROXIMATE_VALUE)
         return {"ground_from_image": R, "angle_sigma_rad": sigma_opk, "angle_use": use}
 
     def _hold_against_matrix(self, R: Float) -> None:

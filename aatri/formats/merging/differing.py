@@ -113,15 +113,15 @@ def ground(first: GroundPoints, second: GroundPoints, rows: DifferingRows, rules
     for i, j in zip(rows.first.tolist(), rows.second.tolist()):
         name, where = rows.named(j), rows.where(j)
         roles = [t.role[r] for t, r in ((first, i), (second, j))]
-        given = [np.isfinite(t.xyz_m[r]) & (t.role[r] != NO_ROLE) for t, r in ((first, i), (second, j))]
-        firm = [s & (r != APPROXIMATE) for s, r in zip(given, roles)]
+        has_coordinate = [np.isfinite(t.xyz_m[r]) & (t.role[r] != NO_ROLE) for t, r in ((first, i), (second, j))]
+        firm = [s & (r != APPROXIMATE) for s, r in zip(has_coordinate, roles)]
         both = firm[0] & firm[1]
         if (both & (roles[0] != roles[1])).any():
             words = [("control" if (r[both] == CONTROL).all() else "check") for r in roles]
             rules.conflict(f"role of ground point {printable(name)}", words, where)
             continue
         # Start values give way to coordinates with a role, and to the first where there are none.
-        used = [firm[k] | (given[k] & ~firm[1 - k] & ((k == 0) | ~given[0])) for k in (0, 1)]
+        used = [firm[k] | (has_coordinate[k] & ~firm[1 - k] & ((k == 0) | ~has_coordinate[0])) for k in (0, 1)]
         values = first.xyz_m[i], first.covariance_m2[i], used[0]
         other = second.xyz_m[j], second.covariance_m2[j], used[1]
         if not _agree(values, other, ("ground point", name, AXES), where, rules):

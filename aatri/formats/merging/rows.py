@@ -124,8 +124,8 @@ def stated(table: Table, name: str) -> Bool:
     values = getattr(table, name)
     if values.dtype.kind == "U":
         return np.asarray(values != "")
-    given = ~np.isnan(values) if values.dtype.kind == "f" else values >= 0
-    return np.asarray(given.reshape(len(values), -1).any(axis=1))
+    is_stated = ~np.isnan(values) if values.dtype.kind == "f" else values >= 0
+    return np.asarray(is_stated.reshape(len(values), -1).any(axis=1))
 
 
 @dataclass

@@ -55,7 +55,7 @@ def tie_points_of(archive: Archive, chunk: XmlElement, images: dict[str, str]) -
     if stated is None or not stated.get("path"):
         return None
     points = _vertices(archive, stated.get("path"), ("x", "y", "z", "id"))
-    known = points["id"].astype(np.int64)
+    placed_ids = points["id"].astype(np.int64)
     named, rows, xy = list[str](), list[npt.NDArray[np.int64]](), list[Float]()
     for element in clouds[0].all("projections"):
         image = images.get(element.get("camera_id"))
@@ -63,14 +63,14 @@ def tie_points_of(archive: Archive, chunk: XmlElement, images: dict[str, str]) -
             continue
         seen = _vertices(archive, element.get("path"), ("x", "y", "id"))
         ids = seen["id"].astype(np.int64)
-        of_point = np.isin(ids, known)
+        of_point = np.isin(ids, placed_ids)
         named += [image] * int(of_point.sum())
         rows.append(ids[of_point])
         xy.append(np.column_stack([seen["x"][of_point], seen["y"][of_point]]).astype(np.float64))
     ids = np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
     xyz = np.column_stack([points[axis] for axis in "xyz"]).astype(np.float64)
     places = np.concatenate(xy) if xy else np.zeros((0, 2))
-    return TiePoints([_name(i) for i in known.tolist()], xyz, named, [_name(i) for i in ids.tolist()], places)
+    return TiePoints([_name(i) for i in placed_ids.tolist()], xyz, named, [_name(i) for i in ids.tolist()], places)
 
 
 def _name(number: int) -> str:

@@ -46,8 +46,8 @@ def write_metashape(
         declared = crs_of(frame)
         system = (declared if frame.vertical else declared.to_2d()).to_wkt("WKT1_GDAL")
         moved = in_other_frame(oriented, geocentric_frame(declared), reporter)
-    known = moved.position_m[oriented.oriented]
-    origin = np.zeros(3) if frame == LOCAL or not len(known) else np.round(known.mean(axis=0))
+    centres_m = moved.position_m[oriented.oriented]
+    origin = np.zeros(3) if frame == LOCAL or not len(centres_m) else np.round(centres_m.mean(axis=0))
     control = [p for p in control_points(oriented) if all(p.known)]
     reference = element("reference", system)
     cameras = [_camera(oriented, moved, row, origin) for row in range(len(block.images))]

@@ -144,9 +144,9 @@ def add_mmvii(project: MicmacProject, root: XmlElement) -> bool:
     kind = _quoted(root.one("Type"))
     if kind != "MMVII_Serialization":
         raise root.error(f"the type is {clipped(kind)!r}", "a file of MMVII_Serialization is wanted")
-    data, known = root.one("Data"), False
+    data, recognised = root.one("Data"), False
     for element in data.children:
-        known |= element.tag in ("InternalCalibration", "CameraPose", "SetMesIm", "SetGCP")
+        recognised |= element.tag in ("InternalCalibration", "CameraPose", "SetMesIm", "SetGCP")
         if element.tag == "InternalCalibration":
             project.add_camera(_camera_of_mmvii(element), element)
         elif element.tag == "CameraPose":
@@ -163,7 +163,7 @@ def add_mmvii(project: MicmacProject, root: XmlElement) -> bool:
             for point in element.all("Measures", "el"):
                 covariance = _symmetric(point, "__Opt__Sigma2", 3)
                 project.targets.append(Target(_quoted(point.one("Name")), point.numbers(3, "Pt"), covariance, point))
-    return known
+    return recognised
 
 
 def _quoted(element: XmlElement) -> str:

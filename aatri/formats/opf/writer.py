@@ -113,8 +113,8 @@ def _project(name: str) -> str:
 
 def _scene(oriented: OrientedBlock, reporter: Reporter) -> _Scene:
     frame = frame_of(oriented.block)
-    known = oriented.position_m[np.isfinite(oriented.position_m).all(axis=1)]
-    shift_m = -np.round(known.mean(axis=0)) if len(known) else np.zeros(3)
+    centres_m = oriented.position_m[np.isfinite(oriented.position_m).all(axis=1)]
+    shift_m = -np.round(centres_m.mean(axis=0)) if len(centres_m) else np.zeros(3)
     if frame.crs == "local" or is_tangent_frame(frame.crs) or "x" in frame.axes:
         if frame.crs != "local":
             reporter.log(f"{frame.crs} is no map: the scene is written as an engineering system")

@@ -212,9 +212,9 @@ def _give_sigmas(tables: JoinedParts, not_stated: NotStated, reporter: Reporter)
     if points:
         points["sigma_mm"] = _image_sigma_mm(tables, not_stated)
     if ground:
-        known = np.isin(ground["role"], (CONTROL, CHECK))
+        is_ground = np.isin(ground["role"], (CONTROL, CHECK))
         lacking = _fill(ground["covariance_m2"], np.asarray(not_stated.control_sigma))
-        if (lacking & known.any(axis=1)).any() and any(not_stated.control_sigma):
+        if (lacking & is_ground.any(axis=1)).any() and any(not_stated.control_sigma):
             reporter.log(f"control without a standard deviation: {list(not_stated.control_sigma)} m is taken")
     if not exterior:
         return
@@ -270,10 +270,10 @@ def _with_angles(exterior: Rows) -> Rows:
     """Angles omega, phi, kappa where there are rotations."""
     if not exterior:
         return {}
-    known = np.isfinite(exterior["ground_from_image"]).all(axis=(1, 2))
+    has_rotation = np.isfinite(exterior["ground_from_image"]).all(axis=(1, 2))
     angles = exterior["angles_rad"].copy()
-    if known.any():
-        angles[known] = angles_from_rotation(exterior["ground_from_image"][known])
+    if has_rotation.any():
+        angles[has_rotation] = angles_from_rotation(exterior["ground_from_image"][has_rotation])
     return exterior | {"angles_rad": angles}
 
 

@@ -70,18 +70,18 @@ def _undulations_m(parts: BlockParts, grid: Path, place: Float, names: Any) -> F
         parts.frame.axes.index(name)
         for name in (("longitude", "latitude") if parts.frame.geographic else ("east", "north"))
     )
-    known = np.isfinite(place).all(axis=1)
-    longitude, latitude = to_geographic.transform(place[known, first], place[known, second])
+    placed = np.isfinite(place).all(axis=1)
+    longitude, latitude = to_geographic.transform(place[placed, first], place[placed, second])
     radians = "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad"
     step = f'{radians} +step +proj=vgridshift +multiplier=1 +grids="{grid}"'
     try:
-        raised = Transformer.from_pipeline(step).transform(longitude, latitude, np.zeros(int(known.sum())))[2]
+        raised = Transformer.from_pipeline(step).transform(longitude, latitude, np.zeros(int(placed.sum())))[2]
     except Exception as error:
         raise InputError(f"PROJ cannot read it: {error}", where=str(grid), remedy="give another grid") from error
     if not np.isfinite(raised).all():
-        outside = np.asarray(names)[known][~np.isfinite(raised)].tolist()
+        outside = np.asarray(names)[placed][~np.isfinite(raised)].tolist()
         what = f"{several(len(outside), 'place', 'lies', 'lie')} outside of the grid {grid.name}: {shown(outside, 5)}"
         raise InputError(what, where=str(parts.files[0]), remedy="give the grid of the region")
     undulation = np.zeros(len(place))
-    undulation[known] = raised
+    undulation[placed] = raised
     return undulation

@@ -112,15 +112,15 @@ def _rename_images(tables: dict[str, Rows], images: list[str], parts: BlockParts
 
 def _rename_points(tables: list[dict[str, Rows]], sources: Sequence[BlockParts], reporter: Reporter) -> None:
     """Call the points of each source what the sources before call them; others keep their name."""
-    known: dict[str, None] = {}
+    names_before: dict[str, None] = {}
     for of_source, parts in zip(tables, sources):
         names = dict.fromkeys(
             [str(n) for t in ("ground_points", "image_points") for n in of_source[t].get("point", np.zeros(0)).tolist()]
         )
-        renamed = _matched_names(names, known, OF_POINTS, "point names", parts, reporter) if known else {}
+        renamed = _matched_names(names, names_before, OF_POINTS, "point names", parts, reporter) if names_before else {}
         for table in ("ground_points", "image_points"):
             of_source[table] = _renamed(of_source[table], "point", {n: renamed.get(n, n) for n in names})
-        known |= dict.fromkeys(renamed.get(name, name) for name in names)
+        names_before |= dict.fromkeys(renamed.get(name, name) for name in names)
 
 
 def _rename_cameras(tables: list[dict[str, Rows]], sources: Sequence[BlockParts], reporter: Reporter) -> None:
@@ -144,9 +144,14 @@ def _rename_cameras(tables: list[dict[str, Rows]], sources: Sequence[BlockParts]
 
 
 def _matched_names(
-    names: dict[str, None], known: dict[str, None], steps: tuple[Step, ...], what: str, parts: BlockParts, to: Reporter
+    names: dict[str, None],
+    names_before: dict[str, None],
+    steps: tuple[Step, ...],
+    what: str,
+    parts: BlockParts,
+    to: Reporter,
 ) -> dict[str, str]:
-    matching = matched(names, known, steps)
+    matching = matched(names, names_before, steps)
     _tell(matching.in_words(what), parts, to)
     return dict(matching.name)
 
@@ -228,8 +233,8 @@ def _ground_points(tables: list[dict[str, Rows]], files: Sequence[Path], reporte
     rows = together([t["ground_points"] for t in tables])
     if not rows:
         return {}
-    known = np.asarray(np.isin(rows["role"], (CONTROL, CHECK)).any(axis=1))
-    chosen = _chosen(rows["point"], known, rows, "xyz_m", "ground point", files, reporter)
+    is_ground = np.asarray(np.isin(rows["role"], (CONTROL, CHECK)).any(axis=1))
+    chosen = _chosen(rows["point"], is_ground, rows, "xyz_m", "ground point", files, reporter)
     return taken(rows, chosen)
 
 

@@ -130,10 +130,12 @@ def _move(
     stated = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
     heights = xyz[np.isfinite(xyz[:, 2]), 2]
     xyz = np.where(plan[:, None] & np.isnan(xyz), float(np.median(heights)) if len(heights) else 0.0, xyz)
-    known = np.asarray(np.isfinite(xyz).all(axis=1))
+    complete = np.asarray(np.isfinite(xyz).all(axis=1))
     moved, turned = np.full_like(xyz, np.nan), np.full((len(xyz), 3, 3), np.nan)
-    if known.any():
-        moved[known], turned[known] = _converted(xyz[known], np.nan_to_num(covariance[known]), source, target)
+    if complete.any():
+        moved[complete], turned[complete] = _converted(
+            xyz[complete], np.nan_to_num(covariance[complete]), source, target
+        )
     moved[plan, 2] = np.nan
     columns[name] = moved
     if sigma is not None or covariance_name in columns:
@@ -142,10 +144,10 @@ def _move(
 
 def _plan_alone(xyz: Float, source: Frame, target: Frame, where: str) -> Bool:
     """Which rows have a place and no height; those that have but a height, or no map of theirs, are refused."""
-    given = np.isfinite(xyz)
-    plan = np.asarray(given[:, :2].all(axis=1) & ~given[:, 2])
+    has_coordinate = np.isfinite(xyz)
+    plan = np.asarray(has_coordinate[:, :2].all(axis=1) & ~has_coordinate[:, 2])
     maps = all(not is_tangent_frame(f.crs) and set(f.axes) != {"x", "y", "z"} for f in (source, target))
-    if len(lost := np.flatnonzero(given.any(axis=1) & ~given.all(axis=1) & ~(plan & maps))):
+    if len(lost := np.flatnonzero(has_coordinate.any(axis=1) & ~has_coordinate.all(axis=1) & ~(plan & maps))):
         what = (
             f"{several(len(lost), 'row', 'has', 'have')} some coordinates alone, and cannot be "
             f"converted from {source.crs} to {target.crs}"
@@ -185,18 +187,18 @@ def _axes(frame: Frame, xyz: Float) -> Float:
     """East, north and up of a frame at places in it, columns in geocentric axes, (n, 3, 3); NaN where not known."""
     if is_tangent_frame(frame.crs):
         return np.broadcast_to(_tangent(frame)[0], (len(xyz), 3, 3))
-    axes, known = np.full((len(xyz), 3, 3), np.nan), np.isfinite(xyz).all(axis=1)
+    axes, complete = np.full((len(xyz), 3, 3), np.nan), np.isfinite(xyz).all(axis=1)
     if frame.geographic:
         ordered = in_right_handed_order(xyz, frame.axes)
-        for k in np.flatnonzero(known).tolist():
+        for k in np.flatnonzero(complete).tolist():
             axes[k] = ellipsoid.local_axes(ordered[k, 0], ordered[k, 1])
     elif set(frame.axes) == {"x", "y", "z"}:
-        axes[known] = np.eye(3)
-    elif known.any():
-        ordered = in_right_handed_order(xyz, frame.axes)[known]
+        axes[complete] = np.eye(3)
+    elif complete.any():
+        ordered = in_right_handed_order(xyz, frame.axes)[complete]
         right_handed = replace(frame, axes=("east", "north", "up"))
         tangent = tangent_frame(right_handed, ordered.mean(axis=0))
-        axes[known] = tangent.axes @ tangent.axes_at(tangent.from_block(ordered))
+        axes[complete] = tangent.axes @ tangent.axes_at(tangent.from_block(ordered))
     return axes
 
 

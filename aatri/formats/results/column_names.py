@@ -94,14 +94,14 @@ _IDS = {
 
 def parameter_units(solution: Solution) -> list[str]:
     """Unit of each row of the parameters; empty where it depends on what the Solution does not tell."""
-    known = dict(_BY_NAME)
+    units = dict(_BY_NAME)
     sets = solution.calibrated_sets
     for name in set() if sets is None else set(sets.set.tolist()):
-        known |= _units_of_set(str(name), solution)
+        units |= _units_of_set(str(name), solution)
     p = solution.parameters
     own, in_mm = p.group == CAMERA, set(p.object[(p.group == CAMERA) & (p.name == "as")].tolist())
     return [
-        _of_model(name, in_mm=of in in_mm) if is_own else known.get(name, "")
+        _of_model(name, in_mm=of in in_mm) if is_own else units.get(name, "")
         for is_own, of, name in zip(own.tolist(), p.object.tolist(), p.name.tolist())
     ]
 
@@ -168,10 +168,12 @@ def angles_deg(images: ImageOrientations, system: str) -> dict[str, Float]:
 def angle_sigmas_deg(images: ImageOrientations, system: str) -> dict[str, Float]:
     """Their standard deviations; NaN where there are none."""
     sigmas = np.full((len(images), 3), np.nan)
-    known = images.oriented & np.isfinite(images.covariance[:, 3:, 3:]).all(axis=(1, 2))
-    if known.any():
-        covariance = angle_covariance(images.ground_from_image[known], images.covariance[known, 3:, 3:], system)
-        sigmas[known] = np.degrees(standard_deviations(covariance))
+    has_covariance = images.oriented & np.isfinite(images.covariance[:, 3:, 3:]).all(axis=(1, 2))
+    if has_covariance.any():
+        covariance = angle_covariance(
+            images.ground_from_image[has_covariance], images.covariance[has_covariance, 3:, 3:], system
+        )
+        sigmas[has_covariance] = np.degrees(standard_deviations(covariance))
     return {f"s{name}": sigmas[:, k] for k, name in enumerate(ANGLES[system])}
 
 

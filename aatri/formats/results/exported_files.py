@@ -41,9 +41,9 @@ def control_points(oriented: OrientedBlock) -> list[ControlPoint]:
     sigma = np.sqrt(np.maximum(np.einsum("nii->ni", g.covariance_m2), 0.0))
     for k, row in enumerate(g.point.tolist()):
         is_control = g.role[k] == CONTROL
-        known = is_control if is_control.any() else g.role[k] == CHECK
-        if known.any():
-            x, y, z = known.tolist()
+        is_known = is_control if is_control.any() else g.role[k] == CHECK
+        if is_known.any():
+            x, y, z = is_known.tolist()
             name = str(oriented.block.points.id[row])
             points.append(ControlPoint(name, row, g.xyz_m[k], sigma[k], (x, y, z), not is_control.any()))
     return points
@@ -142,8 +142,8 @@ def write_crs(block: Block, folder: Path) -> Path | None:
     crs, vertical = str(block.frames.crs[0]), str(block.frames.vertical[0])
     if crs == "local":
         return None
-    given = str(block.frames.axes[0])
-    axes = MAP if sorted(given.split(",")) == sorted(MAP.split(",")) else given
+    stated = str(block.frames.axes[0])
+    axes = MAP if sorted(stated.split(",")) == sorted(MAP.split(",")) else stated
     lines = [f"crs: {crs}", *([f"vertical: {vertical}"] if vertical else []), f"axes: {axes}", "unit: m"]
     path = folder / NAME
     try:

@@ -63,8 +63,8 @@ def in_horizon(oriented: OrientedBlock, reporter: Reporter) -> Horizon:
         longitude, latitude, height = tangent_place(source)
         place = latitude, longitude, height
         return Horizon(oriented.position_m, oriented.ground_from_image, oriented.xyz_m, source, place)
-    known = [xyz[np.isfinite(xyz).all(axis=1)] for xyz in (oriented.position_m, oriented.xyz_m)]
-    middle = np.median(np.concatenate(known), axis=0)
+    places_m = [xyz[np.isfinite(xyz).all(axis=1)] for xyz in (oriented.position_m, oriented.xyz_m)]
+    middle = np.median(np.concatenate(places_m), axis=0)
     longitude, latitude, _ = geographic(middle[None], source)[0].tolist()
     place = latitude, longitude, 0.0
     moved = in_other_frame(oriented, topocentric(*place), reporter)

@@ -50,18 +50,18 @@ def interior_covariances(solution: Solution) -> Float:
         for name in names
         for row in np.flatnonzero(np.isin(p.group, list(NAMES)) & (p.name == name)).tolist()
     }
-    known: dict[tuple[int, int], float] = {}
+    covariances: dict[tuple[int, int], float] = {}
     if pairs is not None:
-        known = dict(zip(zip(pairs.first.tolist(), pairs.second.tolist()), pairs.covariance.tolist()))
+        covariances = dict(zip(zip(pairs.first.tolist(), pairs.second.tolist()), pairs.covariance.tolist()))
     for k, camera in enumerate(cameras.tolist()):
         for names in NAMES.values():
             for i, j in ((i, j) for i in range(3) for j in range(3)):
                 a, b = (place.get((camera, names[axis])) for axis in (i, j))
                 if a is None or b is None:
                     continue
-                held = p.sigma[a] == 0 or p.sigma[b] == 0
-                missing = p.sigma[a] ** 2 if a == b else 0.0 if held else np.nan
-                of_cameras[k, i, j] = known.get((min(a, b), max(a, b)), missing)
+                is_fixed = p.sigma[a] == 0 or p.sigma[b] == 0
+                missing = p.sigma[a] ** 2 if a == b else 0.0 if is_fixed else np.nan
+                of_cameras[k, i, j] = covariances.get((min(a, b), max(a, b)), missing)
     return _of_changed_distance(solution, of_cameras, place)
 
 

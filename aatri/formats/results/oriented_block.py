@@ -213,9 +213,9 @@ class OrientedBlock:
     def _parameters(self, camera: int, form: str) -> dict[str, float]:
         """Distortion parameters: as solved, else as the Block gives them."""
         values = dict.fromkeys(FORMS[form].terms, 0.0)
-        given = self.block.camera_parameters
-        rows = given.camera == camera
-        values |= {n: v for n, v in zip(given.name[rows].tolist(), given.value[rows].tolist()) if n in values}
+        stated = self.block.camera_parameters
+        rows = stated.camera == camera
+        values |= {n: v for n, v in zip(stated.name[rows].tolist(), stated.value[rows].tolist()) if n in values}
         if self.solution is not None:
             solved = self.solution.parameters
             rows = solved.object == self.block.cameras.id[camera]

@@ -74,11 +74,11 @@ def readable(artifact: Artifact, name: str, most: int | None = None) -> Readable
     SpecError
         If the artifact has no such table.
     """
-    known = tables_of(type(artifact))
-    rows = getattr(artifact, name) if name in known else None
+    tables = tables_of(type(artifact))
+    rows = getattr(artifact, name) if name in tables else None
     if rows is None:
-        there = [table for table in known if getattr(artifact, table) is not None]
-        what = f"no values of {name!r}" if name in known else f"no table {name!r}{did_you_mean(name, known)}"
+        there = [table for table in tables if getattr(artifact, table) is not None]
+        what = f"no values of {name!r}" if name in tables else f"no table {name!r}{did_you_mean(name, tables)}"
         remedy = _HOW.get(name, "")
         raise SpecError(f"{artifact.kind}: {what}; it has {', '.join(there)}", remedy=remedy)
     by_name = _columns(artifact, rows)

@@ -239,8 +239,8 @@ def _tests(residuals: Residuals, tests: Tests) -> Columns:
 def _frame(block: Block) -> Columns:
     """The first frame: that of all coordinates of a Solution, in right-handed order."""
     frames = block.frames
-    given = str(frames.axes[0]).split(",")
-    axes = ",".join(given[k] for k in columns_in_order(given))
+    stated = str(frames.axes[0]).split(",")
+    axes = ",".join(stated[k] for k in columns_in_order(stated))
     return {"frame": frames.id[:1], "axes": np.array([axes]), "crs": frames.crs[:1], "vertical": frames.vertical[:1]}
 
 

@@ -185,10 +185,10 @@ def _without_positions(block_strips: StripsOfBlock, joining: Joining) -> Oriente
     adjusted = [(part.result.places, part.result.tied.active) for part in oriented.parts]
     used = np.concatenate([active[places.row[places.kind == POSITION]] for places, active in adjusted])
     off_m = np.concatenate([(places.observed_m - places.xyz)[places.kind == POSITION] for places, _ in adjusted])[~used]
-    known = off_m[np.isfinite(off_m).all(axis=1)]
-    if not len(known) or 2 * len(known) < len(used):
+    complete_m = off_m[np.isfinite(off_m).all(axis=1)]
+    if not len(complete_m) or 2 * len(complete_m) < len(used):
         return None
-    median_m = np.median(np.abs(known), axis=0)
+    median_m = np.median(np.abs(complete_m), axis=0)
     if median_m[:2].max() <= median_m[2]:
         return None
     row_shifts = filter(None, (one_row_off(places) for places, _ in adjusted))

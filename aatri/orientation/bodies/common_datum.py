@@ -36,7 +36,7 @@ class PlacedBody:
 
 
 def undetermined_bodies(
-    bodies: Mapping[int, PlacedBody], movable: Sequence[int], control: Int, given: Bool
+    bodies: Mapping[int, PlacedBody], movable: Sequence[int], control: Int, has_coordinate: Bool
 ) -> tuple[int, ...]:
     """Find the bodies of which something stays open.
 
@@ -46,7 +46,7 @@ def undetermined_bodies(
         Those to be determined together; the others are where they are.
     control : (c,) int
         Points that are control.
-    given : (c, 3) bool
+    has_coordinate : (c, 3) bool
         Their given coordinates.
 
     Returns
@@ -59,7 +59,12 @@ def undetermined_bodies(
     extent = float(np.max([np.ptp(bodies[k].xyz_m, axis=0).max() for k in bodies]))
     at = {k: dict(zip(b.point.tolist(), motions((b.xyz_m - centre) / extent))) for k, b in bodies.items()}
     while left:
-        rows = [_row({k: at[k][p][axes]}, left) for p, axes in zip(control.tolist(), given) for k in left if p in at[k]]
+        rows = [
+            _row({k: at[k][p][axes]}, left)
+            for p, axes in zip(control.tolist(), has_coordinate)
+            for k in left
+            if p in at[k]
+        ]
         pairs = [(k, other) for k in left for other in at if other not in out and not (other in left and other <= k)]
         for k, other in pairs:
             common = at[k].keys() & at[other].keys()

@@ -87,7 +87,9 @@ class HeightFactor:
         )
 
 
-def height_factor(model_m: Float, given_m: Float, given: Bool, sigma_m: Float | None = None) -> HeightFactor | None:
+def height_factor(
+    model_m: Float, given_m: Float, has_coordinate: Bool, sigma_m: Float | None = None
+) -> HeightFactor | None:
     """The factor by which heights of control differ from those of an oriented model.
 
     Parameters
@@ -96,7 +98,7 @@ def height_factor(model_m: Float, given_m: Float, given: Bool, sigma_m: Float | 
         Points of the model on the ground, by a similarity that may have suffered from the heights.
     given_m : (n, 3) float64, m
         Control.
-    given : (n, 3) bool
+    has_coordinate : (n, 3) bool
         Coordinates that are known.
     sigma_m : (n,) float64, m, optional
         Standard deviations of the heights; 0 exact, None: all equal and unknown.
@@ -106,7 +108,7 @@ def height_factor(model_m: Float, given_m: Float, given: Bool, sigma_m: Float | 
     HeightFactor or None
         None where the heights fit, or do not tell.
     """
-    plan, heights = given[:, :2].all(axis=1), given[:, 2]
+    plan, heights = has_coordinate[:, :2].all(axis=1), has_coordinate[:, 2]
     if plan.sum() < 2 or heights.sum() < 4 + SPARE:
         return None
     scale = _scale_in_plan(model_m[plan], given_m[plan])
@@ -130,7 +132,7 @@ def height_factor(model_m: Float, given_m: Float, given: Bool, sigma_m: Float | 
     sigma = float(error / np.linalg.norm(relief))
     if sigma > RELATIVE_SIGMA * abs(factor) or abs(factor - 1) < 10 * sigma:
         return None
-    near = min(KNOWN, key=lambda known: abs(factor - known))
+    near = min(KNOWN, key=lambda of_unit: abs(factor - of_unit))
     met = abs(factor - near) <= max(3 * sigma, NEAR * abs(near))
     return HeightFactor(factor, sigma, *(KNOWN[near] if met else UNKNOWN))
 

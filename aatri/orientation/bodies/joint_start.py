@@ -101,10 +101,10 @@ def _with_enough(bodies: Sequence[FreeBody], conditions: Sequence[int]) -> list[
 
     One with fewer is open, and tells the others nothing of each other: it takes up all that it shares with them.
     """
-    known = np.array([body.has[POINT] for body in bodies])
+    has_point = np.array([body.has[POINT] for body in bodies])
     left = np.arange(len(bodies))
     while len(left):
-        shared = (known[left] & (known[left].sum(axis=0) > 1)).sum(axis=1)
+        shared = (has_point[left] & (has_point[left].sum(axis=0) > 1)).sum(axis=1)
         enough = np.array(conditions)[left] + 3 * shared >= UNKNOWNS
         if enough.all():
             break
@@ -114,10 +114,10 @@ def _with_enough(bodies: Sequence[FreeBody], conditions: Sequence[int]) -> list[
 
 def _order(bodies: Sequence[FreeBody], conditions: Sequence[int], left: list[int]) -> list[int]:
     """Bodies that hang together by points: that of most observations, then the one that shares most with these."""
-    known = [body.has[POINT] for body in bodies]
+    has_point = [body.has[POINT] for body in bodies]
     order = [max(left, key=lambda k: conditions[k])]
     while (left := [k for k in left if k not in order]) and len(order) < MOST:
-        shared = [sum(int((known[k] & known[other]).sum()) for other in order) for k in left]
+        shared = [sum(int((has_point[k] & has_point[other]).sum()) for other in order) for k in left]
         if not max(shared):
             break
         order.append(left[int(np.argmax(shared))])

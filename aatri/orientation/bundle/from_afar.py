@@ -87,13 +87,13 @@ def adjust_bundle_from_afar(
         best = adjust_bundle(inputs, settings, reporter=reporter)
     except (ConvergenceError, GeometryError) as error:
         failure = error
-    known = restarts or Restarts()
-    fruitless = best is not None and known.fruitless >= MOST_FRUITLESS and not turned_over(inputs.rays, best).any()
+    counted = restarts or Restarts()
+    fruitless = best is not None and counted.fruitless >= MOST_FRUITLESS and not turned_over(inputs.rays, best).any()
     if settings.datum == "given" and not _trusted(inputs, best) and not fruitless:
         reason = failure.what if failure is not None else "another minimum is likely"
         reporter.log(f"adjusted again from a start by object space: {reason}")
         first, best = best, _best_restart(inputs, best, reporter, settings, left_open=_left_open(inputs, failure))
-        known.fruitless = known.fruitless + 1 if first is not None and best is first else 0
+        counted.fruitless = counted.fruitless + 1 if first is not None and best is first else 0
     if best is None:
         assert failure is not None
         raise failure

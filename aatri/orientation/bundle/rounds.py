@@ -200,9 +200,9 @@ def _joint_test(complete: BundleResult, reduced: tuple[ParameterRows, ...]) -> t
     chi_square, count = 0.0, 0
     for p, rows in zip(complete.parameters, reduced, strict=True):
         for k in range(len(rows.free)):
-            held = np.flatnonzero(p.given.free[k] & ~rows.free[k])
-            value, P = p.value[k, held], p.covariance[k][np.ix_(held, held)]
-            if len(held) and np.isfinite(P).all():
+            idle = np.flatnonzero(p.given.free[k] & ~rows.free[k])
+            value, P = p.value[k, idle], p.covariance[k][np.ix_(idle, idle)]
+            if len(idle) and np.isfinite(P).all():
                 chi_square += float(value @ np.linalg.solve(P, value))
-                count += len(held)
+                count += len(idle)
     return chi_square, count

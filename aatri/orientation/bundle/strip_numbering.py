@@ -93,15 +93,15 @@ def flown_lines(position_m: Float, time_s: Float, sequence: Float, camera: Int) 
     camera : (n,) int
         Heads that expose together have lines of their own.
     """
-    known = np.isfinite(position_m).all(axis=1)
-    of_cameras = [np.flatnonzero(known & (camera == k)) for k in np.unique(camera)]
+    placed = np.isfinite(position_m).all(axis=1)
+    of_cameras = [np.flatnonzero(placed & (camera == k)) for k in np.unique(camera)]
     return [line for rows in of_cameras for line in _lines(rows, position_m, time_s, sequence)]
 
 
-def _lines(known: Int, position_m: Float, time_s: Float, sequence: Float) -> list[Int]:
+def _lines(placed: Int, position_m: Float, time_s: Float, sequence: Float) -> list[Int]:
     """Lines of the images of a camera whose positions are known."""
-    by = next((values for values in (time_s[known], sequence[known]) if np.isfinite(values).all()), known)
-    order = known[np.argsort(by, kind="stable")]
+    by = next((values for values in (time_s[placed], sequence[placed]) if np.isfinite(values).all()), placed)
+    order = placed[np.argsort(by, kind="stable")]
     step = np.diff(position_m[order], axis=0)
     length = np.linalg.norm(step, axis=1)
     longest, least_cosine = LONGEST * np.median(length) if len(length) else 0.0, np.cos(np.radians(TURN_DEG))

@@ -76,9 +76,11 @@ def observed_at_datum_points(ground: GroundObserved) -> tuple[Text, tuple[Observ
     """Points that a free datum rests on, and their approximate coordinates; none where the block marks none."""
     table, frame = ground.block.ground_points, ground.frame
     xyz = (table.xyz_m if frame is None else frame.from_block(table.xyz_m)) - ground.origin_m
-    known, chosen = finite_rows(xyz), table.datum & ~(table.role == CONTROL).all(axis=1)
-    row = np.flatnonzero(known & chosen)
-    sigma_m = DATUM_SHARE * float(np.linalg.norm(np.ptp(xyz[known], axis=0))) if known.any() else 0.0
+    has_coordinates, chosen = finite_rows(xyz), table.datum & ~(table.role == CONTROL).all(axis=1)
+    row = np.flatnonzero(has_coordinates & chosen)
+    sigma_m = (
+        DATUM_SHARE * float(np.linalg.norm(np.ptp(xyz[has_coordinates], axis=0))) if has_coordinates.any() else 0.0
+    )
     if not (len(row) and sigma_m > 0):
         return np.zeros(0, dtype=np.str_), ()
     point = table.point[row]

@@ -123,12 +123,12 @@ def _crossing(images: ImageComponent, points: ImageComponent, rays: ImagePointRo
 def conditions(base: ImageComponent, other: ImageComponent, rays: ImagePointRows, rows: Int) -> Int:
     """Conditions of two components by each point, (n_points,), of those of these rays that go between them."""
     counts = np.zeros((2, len(base.xyz)), dtype=int)
-    known = np.stack([finite_rows(points.xyz) for points in (other, base)])
+    has_coordinates = np.stack([finite_rows(points.xyz) for points in (other, base)])
     for side, images in enumerate((base, other)):
-        between = rows[images.images[rays.image[rows]] & known[side][rays.point[rows]]]
+        between = rows[images.images[rays.image[rows]] & has_coordinates[side][rays.point[rows]]]
         counts[side] = np.bincount(rays.point[between], minlength=len(base.xyz))
     of_both = np.where((counts > 0).all(axis=0), BY_POINT, 0)
-    return np.where(known.all(axis=0), of_both, np.minimum(BY_RAY * counts.max(axis=0), BY_POINT))
+    return np.where(has_coordinates.all(axis=0), of_both, np.minimum(BY_RAY * counts.max(axis=0), BY_POINT))
 
 
 def _to_unit_size(X: Float) -> Similarity | None:

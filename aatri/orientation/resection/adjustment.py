@@ -66,9 +66,9 @@ def resect_images(
     ground_from_image : (n_images, 3, 3) float64
         Start.
     """
-    n_images, known = len(c_mm), finite_rows(xyz_m)
+    n_images, has_coordinates = len(c_mm), finite_rows(xyz_m)
     oriented = finite_rows(position_m) & np.isfinite(ground_from_image).all(axis=(1, 2))
-    rays = np.flatnonzero(known[point] & oriented[image] & finite_rows(xy_mm))
+    rays = np.flatnonzero(has_coordinates[point] & oriented[image] & finite_rows(xy_mm))
     rays = rays[np.argsort(image[rays], kind="stable")]
     xy, weight, row = xy_mm[rays], sigma_mm[rays], image[rays]
     count = np.bincount(row, minlength=n_images)

@@ -108,8 +108,8 @@ class _Answers(pickle.Pickler):
             return NotImplemented
         if not isinstance(part, AatriError):
             return RuntimeError, (f"{type(part).__name__}: {part}",)
-        known = next(c for c in type(part).__mro__ if _is_known(c))
-        return _again, (known, part.what, part.where, part.remedy, part.exit_code)
+        base_class = next(c for c in type(part).__mro__ if _is_known(c))
+        return _again, (base_class, part.what, part.where, part.remedy, part.exit_code)
 
 
 def _is_known(of: type) -> bool:

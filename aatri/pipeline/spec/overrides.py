@@ -50,7 +50,7 @@ class KnownOptions(Protocol):
         """Names of the options of a variant at the top level."""
 
 
-def with_use(spec: Spec, texts: Sequence[str], known: KnownOptions) -> tuple[Spec, list[str]]:
+def with_use(spec: Spec, texts: Sequence[str], known_options: KnownOptions) -> tuple[Spec, list[str]]:
     """The spec with other variants, and notes that name the options which the new variants do not have.
 
     Raises
@@ -67,7 +67,7 @@ def with_use(spec: Spec, texts: Sequence[str], known: KnownOptions) -> tuple[Spe
         if not equals or not USE.fullmatch(use):
             raise SpecError("not STAGE=ROLE/VARIANT", where=where, remedy="see `aatri stages`")
         stage = _stage(stages, name, where)
-        names = known.option_names(use)
+        names = known_options.option_names(use)
         dropped = [option for option in stage.options if option not in names]
         if dropped:
             notes.append(f"{name}: {use} has no option {', '.join(dropped)}; not used")

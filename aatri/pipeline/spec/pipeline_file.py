@@ -221,7 +221,7 @@ def _check_stage(document: Document, at: tuple[str, ...], stages: tuple[str, ...
 
 
 def _mapping(
-    document: Document, at: tuple[str, ...], known: tuple[str, ...] | None, errors: Faults
+    document: Document, at: tuple[str, ...], known_keys: tuple[str, ...] | None, errors: Faults
 ) -> Mapping[str, Any]:
     """The mapping at a path; nothing where it is absent. Unknown keys and other types go to `errors`."""
     value = document.value
@@ -235,7 +235,7 @@ def _mapping(
         errors.add(f"{shown} is {value!r}, not keys with values", document.where(*at), remedy)
         return {}
     for key in value:
-        if known is not None and key not in known:
-            hint = did_you_mean(key, known) or f"; known are {', '.join(known)}"
+        if known_keys is not None and key not in known_keys:
+            hint = did_you_mean(key, known_keys) or f"; known are {', '.join(known_keys)}"
             errors.add(f"unknown key {key!r}{hint}", document.where_key(*at, key))
     return value

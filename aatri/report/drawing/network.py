@@ -88,14 +88,14 @@ def _spacing(xy_m: Float) -> float:
 def ellipses_picture(block: Block, solution: Solution) -> Picture | None:
     """Standard ellipses of projection centres, control and check points."""
     images, points, ground = solution.images, solution.points, ground_positions(block, solution)
-    given = np.flatnonzero((roles(block) > 0) & np.isfinite(ground[:, :2]).all(axis=1))
+    marked = np.flatnonzero((roles(block) > 0) & np.isfinite(ground[:, :2]).all(axis=1))
     groups = {
         "projection centres": ("blue", images.position_m[:, :2], images.covariance[:, :3, :3], images.id.tolist()),
         "control and check points": (
             "red",
-            ground[given, :2],
-            points.covariance_m2[given],
-            points.id[given].tolist(),
+            ground[marked, :2],
+            points.covariance_m2[marked],
+            points.id[marked].tolist(),
         ),
     }
     places = np.concatenate([xy[np.isfinite(xy).all(axis=1)] for _, xy, _, _ in groups.values()])

@@ -38,10 +38,10 @@ def precision_table(solution: Solution) -> PageTable | None:
         ("rotations about", "XYZ", images[:, 3:], solution.images.id, False),
     ):
         for k, axis in enumerate(names):
-            known = np.flatnonzero(sigma[:, k] > 0)
-            if len(known):
-                worst = known[int(np.argmax(sigma[known, k]))]
-                figures = (float(np.median(sigma[known, k])), float(sigma[worst, k]))
+            with_sigma = np.flatnonzero(sigma[:, k] > 0)
+            if len(with_sigma):
+                worst = with_sigma[int(np.argmax(sigma[with_sigma, k]))]
+                figures = (float(np.median(sigma[with_sigma, k])), float(sigma[worst, k]))
                 texts = [together([f]) if is_length else small_angle(f) for f in figures]
                 rows.append((what, axis, str(ids[worst]), *texts))
     heads = ("standard deviation of", "axis", "largest at", "median", "largest")
@@ -60,9 +60,9 @@ def orientations(block: Block | None, solution: Solution) -> PageTable | None:
     )
     with np.errstate(invalid="ignore"):
         sigma = np.sqrt(np.einsum("nii->ni", images.covariance))
-    known = np.isfinite(sigma).any(axis=0) & (np.nan_to_num(sigma) > 0).any(axis=0)
+    has_sigma = np.isfinite(sigma).any(axis=0) & (np.nan_to_num(sigma) > 0).any(axis=0)
     size = [
-        float(np.median(sigma[:, axes][np.nan_to_num(sigma[:, axes]) > 0])) if known[axes].any() else np.nan
+        float(np.median(sigma[:, axes][np.nan_to_num(sigma[:, axes]) > 0])) if has_sigma[axes].any() else np.nan
         for axes in (slice(0, 3), slice(3, 6))
     ]
     columns: Columns = {
@@ -74,7 +74,7 @@ def orientations(block: Block | None, solution: Solution) -> PageTable | None:
             digits(decimals(units.per_rad * size[1]) + 2 * np.isnan(size[1])),
         ),
     }
-    if known.any():
+    if has_sigma.any():
         columns |= lengths("sX sY sZ", sigma[:, :3])
         columns |= axes(
             tuple(f"{a} {units.small}" for a in ("s about X", "Y", "Z")),
@@ -83,7 +83,7 @@ def orientations(block: Block | None, solution: Solution) -> PageTable | None:
         )
     columns["image points"] = images.image_points
     caption = "Orientations: omega, phi, kappa"
-    caption += "; standard deviations of the turns about the ground axes" if known.any() else ""
+    caption += "; standard deviations of the turns about the ground axes" if has_sigma.any() else ""
     return all_rows(caption, columns, _flown(block, solution), kept=True)
 
 

@@ -176,17 +176,21 @@ def observation_classes(solution: Solution) -> PageTable | None:
         if not unit and weighted.any():  # of several units, as film corrections: in standard deviations
             v = np.divide(v, sigma, out=np.full_like(v, np.nan), where=weighted)
             sigma, unit = weighted.astype(float), "sigma"
-        given = float(np.median(sigma[weighted])) if weighted.any() else np.nan
-        after = given * sigma0
+        a_priori = float(np.median(sigma[weighted])) if weighted.any() else np.nan
+        after = a_priori * sigma0
         if tests is not None and weighted.any():
             redundancy = float(np.nansum(tests.redundancy[used][weighted]))
             if redundancy > LEAST_REDUNDANCY:
-                after = given * float(np.sqrt(np.sum((v[weighted] / sigma[weighted]) ** 2) / redundancy))
+                after = a_priori * float(np.sqrt(np.sum((v[weighted] / sigma[weighted]) ** 2) / redundancy))
         size = np.where(np.isfinite(v), np.abs(v), -1.0).max(axis=1)
         worst = used[int(np.argmax(size))]
         where = " / ".join(filter(None, (str(residuals.image[worst]), str(residuals.point[worst]))))
         rms = float(np.sqrt(np.mean(v[np.isfinite(v)] ** 2))) if np.isfinite(v).any() else np.nan
-        form = digits(decimals(factor * (given if np.isfinite(given) and given > 0 else rms), 3)) if unit else number
+        form = (
+            digits(decimals(factor * (a_priori if np.isfinite(a_priori) and a_priori > 0 else rms), 3))
+            if unit
+            else number
+        )
         rows.append(
             (
                 spoken(kind),
@@ -194,7 +198,7 @@ def observation_classes(solution: Solution) -> PageTable | None:
                 where or DASH,
                 number(len(used)),
                 number(max(len(residuals.of_kind(kind)) - len(used), int((out == kind).sum()))),
-                *(form(factor * float(value)) for value in (given, after, rms, size.max())),
+                *(form(factor * float(value)) for value in (a_priori, after, rms, size.max())),
             )
         )
     heads = (

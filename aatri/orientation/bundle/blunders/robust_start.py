@@ -149,10 +149,10 @@ class RobustStart(FittedSigmas):
     def _robust(self, start: BundleInput, least_squares: BundleResult | None) -> BundleResult:
         return robust(start, self.adjust, self.options, least_squares, coarse=True)
 
-    def _kind_to_reject(self, wrong: Bool, active: Bool, held: int) -> slice | None:
+    def _kind_to_reject(self, wrong: Bool, active: Bool, held_scalars: int) -> slice | None:
         """A kind with more wrong than there is room for, where the rest agrees without it, and only without it.
 
-        What alone tells a part of the datum, of which `held` scalars are held with it, has no rest to disagree with.
+        What alone tells a part of the datum, of which `held_scalars` are held with it, has no rest to disagree with.
         """
         room, counted = room_left(self.snooping, self.pool, active), self.pool.counted
         parts = [p for p, o in zip(self.all.parts, self.all.observed) if not is_ray(o) and active[p].any()]
@@ -164,12 +164,12 @@ class RobustStart(FittedSigmas):
         other_parts = [p for p in parts if p != overfull_parts[0]]
         return (
             overfull_parts[0]
-            if self._agrees(wrong, active, overfull_parts[0], overfull_parts[0], held)
-            and not any(self._agrees(wrong, active, overfull_parts[0], p, held) for p in other_parts)
+            if self._agrees(wrong, active, overfull_parts[0], overfull_parts[0], held_scalars)
+            and not any(self._agrees(wrong, active, overfull_parts[0], p, held_scalars) for p in other_parts)
             else None
         )
 
-    def _agrees(self, wrong: Bool, active: Bool, overfull: slice, left_out: slice, held: int) -> bool:
+    def _agrees(self, wrong: Bool, active: Bool, overfull: slice, left_out: slice, held_scalars: int) -> bool:
         """Whether the block agrees without one kind; `overfull` is that with too many wrong ones."""
         use = active & ~wrong
         use[overfull] = active[overfull]
@@ -178,7 +178,7 @@ class RobustStart(FittedSigmas):
             tested = self.solve(None, use)
         except (GeometryError, ConvergenceError):
             return False
-        return held_for_datum(tested.result) <= held and not self._is_harmful(tested, use)
+        return held_for_datum(tested.result) <= held_scalars and not self._is_harmful(tested, use)
 
     def _start_from(self, initial: TestedBlock, active: Bool) -> BundleInput:
         """The block from where least squares has moved it; points with something above the limit may have run away."""
