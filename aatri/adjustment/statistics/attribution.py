@@ -82,21 +82,16 @@ def explain(records: BlockRecords, suspected: Bool) -> Explanation:
         Blocks in which at least one record is wrong, as a stricter test has shown.
     """
     n, k = records.present.shape
-    explanation = Explanation(
-        np.zeros((n, k), bool), np.zeros((n, k), bool), np.zeros(n, bool), np.zeros((n, 3)), np.zeros(n)
-    )
-    last = k - records.present[:, ::-1].argmax(axis=1)
+    out, undecided, single = np.zeros((n, k), bool), np.zeros((n, k), bool), np.zeros(n, bool)
+    step, gain = np.zeros((n, 3)), np.zeros(n)
+    last = (records.present * np.arange(1, k + 1)).max(axis=1, initial=1)
     width = np.minimum(2 ** np.ceil(np.log2(last)).astype(np.int64), k)
     for most in np.unique(width).tolist():
         blocks = np.flatnonzero(width == most)
         part = _explained(records.of(blocks, most), suspected[blocks])
-        explanation.out[blocks, :most], explanation.undecided[blocks, :most] = part.out, part.undecided
-        explanation.single[blocks], explanation.step[blocks], explanation.gain[blocks] = (
-            part.single,
-            part.step,
-            part.gain,
-        )
-    return explanation
+        out[blocks, :most], undecided[blocks, :most], single[blocks] = part.out, part.undecided, part.single
+        step[blocks], gain[blocks] = part.step, part.gain
+    return Explanation(out, undecided, single, step, gain)
 
 
 def _explained(records: BlockRecords, suspected: Bool) -> Explanation:

@@ -62,3 +62,26 @@ def test_what_a_stricter_test_suspects_is_found_below_the_limit() -> None:
     records = _rays([0, 1, 2, 3, 4], {2: (0.0, 3.9)})
     assert _found(records) == ([], [])
     assert _found(records, suspected=True) == ([2], [])
+
+
+def test_blocks_beside_larger_ones_are_explained_as_they_are_alone() -> None:
+    """Each is padded to the largest: with no record there, too, and with none at all."""
+    alone = [_rays([0, 1], {1: (0.0, 20.0)}), _rays([0, 1, 2, 3, 4], {2: (30.0, -20.0)}), _rays([*range(9)], {})]
+    v, B, firm = np.zeros((4, 9, 3)), np.zeros((4, 9, 3, 3)), np.zeros((4, 9), dtype=bool)
+    present = np.zeros((4, 9), dtype=bool)
+    for i, records in enumerate(alone):
+        k = records.present.shape[1]
+        v[i, :k], B[i, :k], present[i, :k] = records.v[0], records.B[0], True
+    together = explain(BlockRecords(v, B, present, firm, np.full((4, 9), LIMIT)), np.zeros(4, dtype=bool))
+    assert [np.flatnonzero(row).tolist() for row in together.out] == [[0, 1], [2], [], []]
+    for i, records in enumerate(alone):
+        by_itself = explain(records, np.array([False]))
+        np.testing.assert_allclose(together.step[i], by_itself.step[0], atol=1e-12)
+        np.testing.assert_allclose(together.gain[i], by_itself.gain[0], atol=1e-9)
+
+
+def test_without_any_record_there_is_nothing_to_explain() -> None:
+    none = BlockRecords(
+        np.zeros((2, 0, 1)), np.zeros((2, 0, 1, 3)), *[np.zeros((2, 0), dtype=bool)] * 2, np.ones((2, 0))
+    )
+    assert explain(none, np.array([True, False])).out.shape == (2, 0)
