@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -15,14 +14,12 @@ from aatri.plugin import SILENT, Context, Field, InputPath, Options, Role, stage
 from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
-@dataclass(frozen=True, eq=False)
 class Values(Table):
     """Numbers."""
 
     value: Float = column("f8", unit="m", doc="a number")
 
 
-@dataclass(frozen=True, eq=False)
 class Numbers(Artifact):
     """A list of numbers."""
 
@@ -33,7 +30,6 @@ class Numbers(Artifact):
         return {"points": len(self.values), "sigma0": float("nan")}
 
 
-@dataclass(frozen=True, eq=False)
 class Total(Artifact):
     """A sum."""
 

@@ -9,7 +9,6 @@ A Block comes with its tables: `block_tables` declares cameras, images and measu
 of the ground. All are imported from here.
 """
 
-from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -95,14 +94,12 @@ BY_EDIT = "switched off by an edit"
 """How the reason of a reject begins that the user has made."""
 
 
-@dataclass(frozen=True, eq=False)
 class Files(Table):
     """Files the block was read from."""
 
     path: Text = column("str", doc="path as given", digest=False)
 
 
-@dataclass(frozen=True, eq=False)
 class Frames(Table):
     """Coordinate frames of the input; the first is the frame of all coordinates here."""
 
@@ -112,7 +109,6 @@ class Frames(Table):
     vertical: Text = column("str", doc="vertical reference system, empty if none")
 
 
-@dataclass(frozen=True, eq=False)
 class Rejects(Table):
     """What was set aside on import, with the reason. Nothing is dropped without a row here."""
 
@@ -123,7 +119,6 @@ class Rejects(Table):
     line: Int = column("i4", doc="line in the file, from 1", optional=True, digest=False)
 
 
-@dataclass(frozen=True, eq=False)
 class TrueImages(Table):
     """True orientations of a simulated block."""
 
@@ -132,7 +127,6 @@ class TrueImages(Table):
     ground_from_image: Float = column("f8", 3, 3, doc="rotation matrix R: X - X0 = lambda R (x, y, -c)")
 
 
-@dataclass(frozen=True, eq=False)
 class TruePoints(Table):
     """True coordinates of a simulated block."""
 
@@ -140,7 +134,6 @@ class TruePoints(Table):
     xyz_m: Float = column("f8", 3, unit="m", doc="coordinates")
 
 
-@dataclass(frozen=True, eq=False)
 class GrossErrors(Table):
     """Gross errors a simulation has put in."""
 
@@ -165,7 +158,6 @@ class Imported(Protocol):
         """Line in the file, from 1."""
 
 
-@dataclass(frozen=True, eq=False)
 class Block(Artifact):
     """The project as given."""
 

@@ -3,13 +3,10 @@
 The latter are coordinates, exterior, geodetic observations, relative control. Conventions are those of `block`.
 """
 
-from dataclasses import dataclass
-
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.tables.schema import Table, column
 
 
-@dataclass(frozen=True, eq=False)
 class Cameras(Table):
     """Cameras: interior orientation as calibrated."""
 
@@ -39,7 +36,6 @@ class Cameras(Table):
     mount_deg: Int = column("i4", unit="deg", doc="image x clockwise from the nose: 0, 90, 180 or 270", default=0)
 
 
-@dataclass(frozen=True, eq=False)
 class CameraParameters(Table):
     """Distortion parameters, and standard deviations of any camera parameter."""
 
@@ -50,7 +46,6 @@ class CameraParameters(Table):
     free: Bool = column("bool", doc="the parameter is to be estimated without weight", default=False)
 
 
-@dataclass(frozen=True, eq=False)
 class DistortionTable(Table):
     """Radial distortion as a table."""
 
@@ -59,7 +54,6 @@ class DistortionTable(Table):
     correction_mm: Float = column("f8", unit="mm", doc="added outwards to the measured coordinate")
 
 
-@dataclass(frozen=True, eq=False)
 class Fiducials(Table):
     """Calibrated fiducial marks."""
 
@@ -68,7 +62,6 @@ class Fiducials(Table):
     xy_mm: Float = column("f8", 2, unit="mm", doc="photo coordinates, origin at the fiducial centre")
 
 
-@dataclass(frozen=True, eq=False)
 class RigMembers(Table):
     """Cameras that are mounted together; the first member of a rig is its frame.
 
@@ -87,14 +80,12 @@ class RigMembers(Table):
     angle_free: Bool = column("bool", 3, doc="to be estimated without weight")
 
 
-@dataclass(frozen=True, eq=False)
 class StripIds(Table):
     """Flight strips."""
 
     id: Text = column("str", doc="id of the strip")
 
 
-@dataclass(frozen=True, eq=False)
 class Images(Table):
     """Images of the block."""
 
@@ -115,7 +106,6 @@ class Images(Table):
     line: Int = column("i4", doc="line in the file, from 1", optional=True, digest=False)
 
 
-@dataclass(frozen=True, eq=False)
 class FiducialPoints(Table):
     """Measured fiducial marks."""
 
@@ -127,14 +117,12 @@ class FiducialPoints(Table):
     line: Int = column("i4", doc="line in the file, from 1", optional=True, digest=False)
 
 
-@dataclass(frozen=True, eq=False)
 class Points(Table):
     """All points, measured or given."""
 
     id: Text = column("str", doc="id of the point")
 
 
-@dataclass(frozen=True, eq=False)
 class MeasuredPoints(Table):
     """Measured image points."""
 
@@ -153,7 +141,6 @@ class MeasuredPoints(Table):
     line: Int = column("i4", doc="line in the file, from 1", optional=True, digest=False, uniform=True)
 
 
-@dataclass(frozen=True, eq=False)
 class GroundPoints(Table):
     """Given ground coordinates."""
 
@@ -166,7 +153,6 @@ class GroundPoints(Table):
     line: Int = column("i4", doc="line in the file, from 1", optional=True, digest=False)
 
 
-@dataclass(frozen=True, eq=False)
 class GroundPointCovariances(Table):
     """Covariances between given coordinates of two points; those of one point are in its own covariance."""
 
@@ -177,7 +163,6 @@ class GroundPointCovariances(Table):
     value: Float = column("f8", unit="m^2", doc="covariance")
 
 
-@dataclass(frozen=True, eq=False)
 class Exterior(Table):
     """Exterior orientation as given: GNSS positions, attitudes, approximate values."""
 
@@ -196,7 +181,6 @@ class Exterior(Table):
     line: Int = column("i4", doc="line in the file, from 1", optional=True, digest=False)
 
 
-@dataclass(frozen=True, eq=False)
 class Geodetic(Table):
     """Geodetic observations between points or projection centres."""
 
@@ -222,7 +206,6 @@ class Geodetic(Table):
         return f"{self.type[k]} {self.start[k]} {self.end[k]}"
 
 
-@dataclass(frozen=True, eq=False)
 class GeodeticCovariances(Table):
     """Covariances between geodetic observations."""
 
@@ -231,7 +214,6 @@ class GeodeticCovariances(Table):
     value: Float = column("f8", unit="m^2, m rad or rad^2", doc="covariance")
 
 
-@dataclass(frozen=True, eq=False)
 class RelativeControl(Table):
     """Relative control: geometric conditions on points or stations."""
 
@@ -243,7 +225,6 @@ class RelativeControl(Table):
     line: Int = column("i4", doc="line in the file, from 1", optional=True, digest=False)
 
 
-@dataclass(frozen=True, eq=False)
 class RelativeControlMembers(Table):
     """Points or images of a relative control condition, in order."""
 
@@ -252,7 +233,6 @@ class RelativeControlMembers(Table):
     id: Text = column("str", doc="id of the point or image")
 
 
-@dataclass(frozen=True, eq=False)
 class ModelCoordinates(Table):
     """Points of stereo models measured without images, each model in axes and a unit of its own, Z upwards."""
 

@@ -1,14 +1,11 @@
 """Evaluation: accuracy of a Solution, empirical and theoretical, summarised and per point; errors of free strips."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
-@dataclass(frozen=True, eq=False)
 class Figures(Table):
     """Figures of accuracy, by name; what was not determined has no row."""
 
@@ -16,7 +13,6 @@ class Figures(Table):
     value: Float = column("f8", doc="value in the unit of the name")
 
 
-@dataclass(frozen=True, eq=False)
 class Differences(Table):
     """Differences at control, check and new points: solution minus given, or minus truth."""
 
@@ -29,7 +25,6 @@ class Differences(Table):
     rays: Int = column("i4", doc="image points used")
 
 
-@dataclass(frozen=True, eq=False)
 class SingleModels(Table):
     """Stereo pairs restituted one by one with the orientations of the block; differences: model minus the other."""
 
@@ -50,7 +45,6 @@ class SingleModels(Table):
     check_rms_m: Float = column("f8", 3, unit="m", doc="minus the given coordinates there", optional=True)
 
 
-@dataclass(frozen=True, eq=False)
 class ModelSetUps(Table):
     """Stereo pairs as a plotter sets them up: x along the base, z up across it; y-axes of both images are parallel."""
 
@@ -67,7 +61,6 @@ class ModelSetUps(Table):
     points: Int = column("i4", doc="rows in pass_points")
 
 
-@dataclass(frozen=True, eq=False)
 class PassPoints(Table):
     """Points of the set-ups: on the ground, in the model and in both epipolar images, and what is left at them."""
 
@@ -85,7 +78,6 @@ class PassPoints(Table):
     residual_m: Float = column("f8", 3, unit="m", doc="model minus adjusted coordinates, on the ground", optional=True)
 
 
-@dataclass(frozen=True, eq=False)
 class StripErrors(Table):
     """Errors of free strips laid on the truth by their first model, at the right projection centre of the n-th."""
 
@@ -98,7 +90,6 @@ class StripErrors(Table):
     turned_law_rad: Float = column("f8", 3, unit="rad", doc="sigma sqrt(n), sigma fitted")
 
 
-@dataclass(frozen=True, eq=False)
 class Displacements(Table):
     """Points at two epochs: the later minus the earlier, beside those that have not moved."""
 
@@ -117,7 +108,6 @@ class Displacements(Table):
     )
 
 
-@dataclass(frozen=True, eq=False)
 class ParameterChanges(Table):
     """Parameters of cameras at two epochs: the later calibration minus the earlier."""
 
@@ -133,7 +123,6 @@ class ParameterChanges(Table):
     detectable: Float = column("f8", doc="change found with 80 %, in the unit of the parameter", optional=True)
 
 
-@dataclass(frozen=True, eq=False)
 class LayoutPoints(Table):
     """Points of a planned block: what they will be worth, and what control there would gain."""
 
@@ -150,7 +139,6 @@ class LayoutPoints(Table):
     order: Int = column("i4", doc="1, 2 ...: next control, chosen one beside the other; 0 not chosen")
 
 
-@dataclass(frozen=True, eq=False)
 class Evaluation(Artifact):
     """Accuracy of a Solution, or of free strips; what has moved between two epochs; what a layout is worth."""
 

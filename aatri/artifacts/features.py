@@ -1,12 +1,9 @@
 """Features, Matches, ScanMarks: what is found in the pixels of one image, and what agrees between two."""
 
-from dataclasses import dataclass
-
 from aatri.arrays import Float, Int
 from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
-@dataclass(frozen=True, eq=False)
 class Keypoints(Table):
     """Places of an image that look the same in others."""
 
@@ -17,14 +14,12 @@ class Keypoints(Table):
     descriptor: Int = column("i1", 128, doc="histograms of gradients, minus 128")
 
 
-@dataclass(frozen=True, eq=False)
 class Features(Artifact):
     """Features of one image."""
 
     keypoints: Keypoints = table()
 
 
-@dataclass(frozen=True, eq=False)
 class MatchedKeypoints(Table):
     """Features of two images that agree."""
 
@@ -32,14 +27,12 @@ class MatchedKeypoints(Table):
     right: Int = column("i4", doc="row in the keypoints of the right image")
 
 
-@dataclass(frozen=True, eq=False)
 class Matches(Artifact):
     """Matches of one pair of images."""
 
     pairs: MatchedKeypoints = table()
 
 
-@dataclass(frozen=True, eq=False)
 class FoundMarks(Table):
     """The best places of marks, in the order in which they were asked for."""
 
@@ -49,7 +42,6 @@ class FoundMarks(Table):
     second: Float = column("f8", doc="correlation at the next best place, as a share of that of the best")
 
 
-@dataclass(frozen=True, eq=False)
 class ScanMarks(Artifact):
     """Places of fiducial marks in one scan."""
 

@@ -4,7 +4,6 @@ Row k of `measurements` belongs to row k of the Block's `image_points`; what can
 `corrections` lists what has been applied, so that nothing is applied twice.
 """
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from aatri.arrays import Bool, Float, Int, Text
@@ -12,21 +11,18 @@ from aatri.artifacts.suspects import Suspects
 from aatri.tables.schema import Artifact, Table, column, table
 
 
-@dataclass(frozen=True, eq=False)
 class ImageIds(Table):
     """Images, as in the Block."""
 
     id: Text = column("str", doc="id of the image")
 
 
-@dataclass(frozen=True, eq=False)
 class PointIds(Table):
     """Points, as in the Block."""
 
     id: Text = column("str", doc="id of the point")
 
 
-@dataclass(frozen=True, eq=False)
 class Measurements(Table):
     """Photo coordinates, row by row as in the Block's image_points."""
 
@@ -39,7 +35,6 @@ class Measurements(Table):
     active: Bool = column("bool", doc="to be used")
 
 
-@dataclass(frozen=True, eq=False)
 class Interior(Table):
     """Interior orientation of each image, from the measured system (u, v) to the photo system.
 
@@ -64,7 +59,6 @@ class Interior(Table):
     )
 
 
-@dataclass(frozen=True, eq=False)
 class FiducialResiduals(Table):
     """Residuals of the fiducial marks."""
 
@@ -75,7 +69,6 @@ class FiducialResiduals(Table):
     active: Bool = column("bool", doc="False if rejected")
 
 
-@dataclass(frozen=True, eq=False)
 class Corrections(Table):
     """Corrections already applied, in their order; none is applied twice."""
 
@@ -83,7 +76,6 @@ class Corrections(Table):
     largest_mm: Float = column("f8", unit="mm", doc="largest correction of any point")
 
 
-@dataclass(frozen=True, eq=False)
 class ImagePoints(Artifact):
     """Photo coordinates after interior orientation, and after image refinement."""
 

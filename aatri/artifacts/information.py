@@ -8,8 +8,6 @@ origin; in a tangent frame that has an origin of its own. Which observations sta
 block could have them too, and everything that was eliminated.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from aatri.arrays import Float, Int, Text
@@ -17,7 +15,6 @@ from aatri.artifacts.solution import CalibratedSets
 from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
-@dataclass(frozen=True, eq=False)
 class KeptUnknowns(Table):
     """Unknowns of the reduced normal equations, in their order."""
 
@@ -28,7 +25,6 @@ class KeptUnknowns(Table):
     right: Float = column("f8", doc="right side: half the gradient of v'Pv there")
 
 
-@dataclass(frozen=True, eq=False)
 class KeptImages(Table):
     """Orientations of kept images where the equations are linearised."""
 
@@ -37,14 +33,12 @@ class KeptImages(Table):
     ground_from_image: Float = column("f8", 3, 3, doc="rotation matrix R")
 
 
-@dataclass(frozen=True, eq=False)
 class Normals(Table):
     """The reduced normal matrix: its lower triangle row by row."""
 
     value: Float = column("f8", doc="N11, N21, N22, N31 ...")
 
 
-@dataclass(frozen=True, eq=False)
 class EliminatedObjects(Table):
     """Images and points that were eliminated: no other block may have them."""
 
@@ -52,7 +46,6 @@ class EliminatedObjects(Table):
     object: Text = column("str", doc="id")
 
 
-@dataclass(frozen=True, eq=False)
 class CountedObservations(Table):
     """Observations of kept images and points alone, which another block could have too."""
 
@@ -62,7 +55,6 @@ class CountedObservations(Table):
     digest: Int = column("i8", doc="of the observed values; 0 if it has none")
 
 
-@dataclass(frozen=True, eq=False)
 class CameraDigests(Table):
     """Cameras of the block."""
 
@@ -70,7 +62,6 @@ class CameraDigests(Table):
     digest: Text = column("str", doc="of all its figures")
 
 
-@dataclass(frozen=True, eq=False)
 class Information(Artifact):
     """Reduced normal equations of a block."""
 

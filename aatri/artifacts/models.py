@@ -4,15 +4,12 @@ The model frame is the frame of the left image: origin in its projection centre,
 unit of length is the base. `left_from_right` turns a direction of the right image into the model frame.
 """
 
-from dataclasses import dataclass
-
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.image_points import ImageIds, PointIds
 from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.tables.schema import Artifact, Table, column, table
 
 
-@dataclass(frozen=True, eq=False)
 class Orientations(Table):
     """Relative orientations, one row per model."""
 
@@ -31,7 +28,6 @@ class Orientations(Table):
     iterations: Int = column("i4", doc="iterations")
 
 
-@dataclass(frozen=True, eq=False)
 class ModelPoints(Table):
     """Points of the models."""
 
@@ -43,7 +39,6 @@ class ModelPoints(Table):
     active: Bool = column("bool", doc="False if rejected: then not used in the orientation")
 
 
-@dataclass(frozen=True, eq=False)
 class Elements(Table):
     """Elements of the orientations as the method has them: phi, omega, kappa of the Chinese system, base, scale.
 
@@ -58,7 +53,6 @@ class Elements(Table):
     sigma: Float = column("f8", unit="rad or 1", doc="standard deviation, a priori", optional=True)
 
 
-@dataclass(frozen=True, eq=False)
 class Unformed(Table):
     """Neighbouring images that make no model, with the reason."""
 
@@ -68,7 +62,6 @@ class Unformed(Table):
     reason: Text = column("str", doc="why there is no model")
 
 
-@dataclass(frozen=True, eq=False)
 class SecondOrientations(Table):
     """Orientations that explain the points of a model as well as that in `orientations`: it is ambiguous."""
 
@@ -77,7 +70,6 @@ class SecondOrientations(Table):
     base: Float = column("f8", 3, unit="base", doc="unit vector from left to right projection centre")
 
 
-@dataclass(frozen=True, eq=False)
 class Turns(Table):
     """Images taken from one place: they make no model, but their rotation is known."""
 
@@ -88,7 +80,6 @@ class Turns(Table):
     points: Int = column("i4", doc="points that it explains")
 
 
-@dataclass(frozen=True, eq=False)
 class Models(Artifact):
     """Relative orientations of neighbouring images, and their model points."""
 

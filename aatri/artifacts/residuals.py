@@ -1,6 +1,5 @@
 """Residuals of an adjustment and their tests, row by row: tables of a Solution."""
 
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -10,7 +9,6 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.tables.schema import Table, column
 
 
-@dataclass(frozen=True, eq=False)
 class Residuals(Table):
     """Residuals: adjusted minus observed."""
 
@@ -49,7 +47,6 @@ class Residuals(Table):
         return rows[self.active[rows]]
 
 
-@dataclass(frozen=True, eq=False)
 class Tests(Table):
     """Reliability of the observations, row by row as in residuals."""
 

@@ -5,8 +5,6 @@ covariances belong to the increment d on the ground side, R <- exp([d]x) R. Stan
 not applied to them. NaN is *not determined*; covariances of methods that give none are NaN throughout.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int, Text
@@ -15,7 +13,6 @@ from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.tables.schema import Artifact, Table, attribute, column, table
 
 
-@dataclass(frozen=True, eq=False)
 class ImageOrientations(Table):
     """Exterior orientation of all images of the Block."""
 
@@ -27,7 +24,6 @@ class ImageOrientations(Table):
     image_points: Int = column("i4", doc="image points used")
 
 
-@dataclass(frozen=True, eq=False)
 class SolvedPoints(Table):
     """Adjusted ground coordinates of all points of the Block."""
 
@@ -37,7 +33,6 @@ class SolvedPoints(Table):
     rays: Int = column("i4", doc="image points used")
 
 
-@dataclass(frozen=True, eq=False)
 class SolvedCameras(Table):
     """Interior orientation of the cameras."""
 
@@ -48,7 +43,6 @@ class SolvedCameras(Table):
     )
 
 
-@dataclass(frozen=True, eq=False)
 class StripTransformations(Table):
     """Transformations of free strips, components or models to the ground."""
 
@@ -59,7 +53,6 @@ class StripTransformations(Table):
     sigma: Float = column("f8", doc="standard deviation", optional=True)
 
 
-@dataclass(frozen=True, eq=False)
 class Parameters(Table):
     """Estimated parameters that are neither orientation nor point: additional, interior, drift ..."""
 
@@ -70,7 +63,6 @@ class Parameters(Table):
     sigma: Float = column("f8", doc="standard deviation", optional=True)
 
 
-@dataclass(frozen=True, eq=False)
 class CalibratedSets(Table):
     """Sets of additional parameters that a self-calibration has estimated, and what their terms are scaled with."""
 
@@ -89,7 +81,6 @@ class CalibratedSets(Table):
     )
 
 
-@dataclass(frozen=True, eq=False)
 class ParameterCovariances(Table):
     """Covariances of the camera parameters, additional and of camera models, each pair once, with the variances."""
 
@@ -98,7 +89,6 @@ class ParameterCovariances(Table):
     covariance: Float = column("f8", doc="in the product of the units of both values", optional=True)
 
 
-@dataclass(frozen=True, eq=False)
 class PointCovariances(Table):
     """Covariances between adjusted points, each pair once, with those of each point itself."""
 
@@ -107,7 +97,6 @@ class PointCovariances(Table):
     covariance_m2: Float = column("f8", 3, 3, unit="m^2", doc="coordinates of first by those of second", optional=True)
 
 
-@dataclass(frozen=True, eq=False)
 class ErrorFields(Table):
     """Image error of each camera or session: all additional parameters together, on a grid over the format."""
 
@@ -118,7 +107,6 @@ class ErrorFields(Table):
     shape_um: Float = column("f8", 2, unit="um", doc="dx, dy without what the orientation of an image would take up")
 
 
-@dataclass(frozen=True, eq=False)
 class ProposedNumbers(Table):
     """Observations left out that fit under the number of another point."""
 
@@ -130,7 +118,6 @@ class ProposedNumbers(Table):
     exchanged: Bool = column("bool", doc="that point's own observation fits under this number: both are exchanged")
 
 
-@dataclass(frozen=True, eq=False)
 class VarianceComponents(Table):
     """Standard deviations of groups of observations, from their own residuals, as factors on those given."""
 
@@ -143,7 +130,6 @@ class VarianceComponents(Table):
     verdict: Text = column("str", doc="fits, proposed, applied or not estimable (redundancy below 10)")
 
 
-@dataclass(frozen=True, eq=False)
 class IndependentErrors(Table):
     """How many independent errors the correlated ones of some points amount to: (tr C)^2 / tr C^2."""
 
@@ -151,7 +137,6 @@ class IndependentErrors(Table):
     count: Float = column("f8", 3, doc="of X, Y, Z; NaN where no point has the coordinate", optional=True)
 
 
-@dataclass(frozen=True, eq=False)
 class Orderings(Table):
     """Orders of elimination of the images: the one in use, and the textbook's across and along the strips."""
 
@@ -165,7 +150,6 @@ class Orderings(Table):
     gflop: Float = column("f8", doc="1e9 multiplications and additions of one factorisation, predicted")
 
 
-@dataclass(frozen=True, eq=False)
 class DatumCarriers(Table):
     """What a free datum rests on; coordinates and covariances are of this datum, and of none outside the block."""
 
@@ -173,7 +157,6 @@ class DatumCarriers(Table):
     id: Text = column("str", doc="id of the point or image, empty if held")
 
 
-@dataclass(frozen=True, eq=False)
 class Iterations(Table):
     """History of the adjustment."""
 
@@ -182,7 +165,6 @@ class Iterations(Table):
     damping: Float = column("f8", doc="Levenberg-Marquardt damping; 0 Gauss-Newton")
 
 
-@dataclass(frozen=True, eq=False)
 class Solution(Artifact):
     """Orientations, ground points, cameras: the result of an orientation or adjustment."""
 

@@ -4,22 +4,18 @@ The strip frame is that of the strip's first image; the unit of length is the ba
 Block that is broken by a missing model gives several strips here, and a row in `gaps`.
 """
 
-from dataclasses import dataclass
-
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.image_points import ImageIds, PointIds
 from aatri.artifacts.suspects import Suspects, Uncontrolled
 from aatri.tables.schema import Artifact, Table, column, table
 
 
-@dataclass(frozen=True, eq=False)
 class FreeStrips(Table):
     """Free strips."""
 
     id: Text = column("str", doc="id: the Block's strip, with .1 .2 ... where it is broken")
 
 
-@dataclass(frozen=True, eq=False)
 class StripImages(Table):
     """Images in their strips, in order along the strip."""
 
@@ -29,7 +25,6 @@ class StripImages(Table):
     strip_from_image: Float = column("f8", 3, 3, doc="rotation matrix")
 
 
-@dataclass(frozen=True, eq=False)
 class StripPoints(Table):
     """Points in their strips: weighted mean over the models."""
 
@@ -40,7 +35,6 @@ class StripPoints(Table):
     models: Int = column("i4", doc="number of models that hold the point")
 
 
-@dataclass(frozen=True, eq=False)
 class Joints(Table):
     """Where two neighbouring models are joined: they share an image."""
 
@@ -51,7 +45,6 @@ class Joints(Table):
     points: Int = column("i4", doc="connection points used")
 
 
-@dataclass(frozen=True, eq=False)
 class Discrepancies(Table):
     """Discrepancies of the connection points after joining."""
 
@@ -62,7 +55,6 @@ class Discrepancies(Table):
     active: Bool = column("bool", doc="False if rejected")
 
 
-@dataclass(frozen=True, eq=False)
 class Gaps(Table):
     """Where a strip of the Block is broken, and images left without a strip."""
 
@@ -72,7 +64,6 @@ class Gaps(Table):
     reason: Text = column("str", doc="why")
 
 
-@dataclass(frozen=True, eq=False)
 class StripScales(Table):
     """Scale of each strip by its control: extent on the ground over extent in the strip."""
 
@@ -82,7 +73,6 @@ class StripScales(Table):
     scale_number: Float = column("f8", doc="of its images: median", optional=True)
 
 
-@dataclass(frozen=True, eq=False)
 class ImageScales(Table):
     """Scale numbers of the images of the strips that have a scale."""
 
@@ -91,7 +81,6 @@ class ImageScales(Table):
     scale_number: Float = column("f8", doc="median distance of its points along its axis, over c", optional=True)
 
 
-@dataclass(frozen=True, eq=False)
 class PlacedPoints(Table):
     """Points of every model in its strip, those of several models in each of them: none are averaged."""
 
@@ -102,7 +91,6 @@ class PlacedPoints(Table):
     xyz_m: Float = column("f8", 3, unit="m", doc="the same by the scale of the strip; NaN without one", optional=True)
 
 
-@dataclass(frozen=True, eq=False)
 class Strips(Artifact):
     """Free strips."""
 

@@ -4,8 +4,6 @@ The next stage starts without what was rejected and tests each for re-admission.
 told beside them by every stage that adjusts.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int, Text
@@ -15,7 +13,6 @@ LEFT_OUT = ("rejected", "undecidable", "swapped")
 """Verdicts with which an observation stays out."""
 
 
-@dataclass(frozen=True, eq=False)
 class Suspects(Table):
     """Observations under suspicion, with the size of their gross error."""
 
@@ -47,7 +44,6 @@ class Suspects(Table):
         return np.isin(self.verdict, LEFT_OUT)
 
 
-@dataclass(frozen=True, eq=False)
 class Uncontrolled(Table):
     """Observations with a direction that nothing controls: a gross error along it shows in no residual."""
 

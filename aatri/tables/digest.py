@@ -75,3 +75,11 @@ def _equal(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> bool:
     words = len(one) // 8 * 8
     by_words = np.array_equal(one[:words].view(np.uint64), other[:words].view(np.uint64))
     return by_words and np.array_equal(one[words:], other[words:])
+
+
+def same_rows(a: object, b: object) -> bool:
+    """Whether two tables say the same; NaN is equal to itself."""
+    if not isinstance(a, Table) or type(a) is not type(b):
+        return False
+    pairs = ((getattr(a, name), getattr(b, name)) for name in columns_of(type(a)))
+    return all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in pairs)

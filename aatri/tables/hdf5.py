@@ -10,7 +10,6 @@ bounded size; and with exactly the declared names.
 from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -48,7 +47,6 @@ _LIBVER = ("v110", "v110")  # metadata checksums, and a file left open by a cras
 NOTES = "notes"
 
 
-@dataclass(frozen=True, eq=False)
 class Notes(Table):
     """What the stage that made the artifact had to say of it."""
 

@@ -2,8 +2,8 @@
 
 A table is a frozen dataclass of columns of equal length; an artifact is a frozen dataclass of attributes and tables.
 Both are declared with the field functions below and checked whenever one is made, so also on read and before write.
+A class below `Table` or `Artifact` is such a dataclass by itself, and cannot be made one once more.
 
-    @dataclass(frozen=True, eq=False)
     class Images(Table):
         '''Images of the block.'''
         id: Text = column("str", doc="id of the image")
@@ -18,7 +18,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from html import escape
-from typing import Any, ClassVar, Self, TypeVar, cast
+from typing import Any, ClassVar, Self, TypeVar, cast, dataclass_transform
 
 import numpy as np
 import numpy.typing as npt
@@ -94,14 +94,15 @@ def table(*, doc: str = "", default: Any = dataclasses.MISSING) -> Any:
     return dataclasses.field(default=default, metadata={"table": doc})
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass_transform(eq_default=False, frozen_default=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Table:
     """Base of all tables: checks and converts its columns when made."""
 
     def __init_subclass__(cls) -> None:
-        cls.__repr__ = Table._summary  # type: ignore[assignment]  # else every dataclass prints its arrays
+        dataclass(frozen=True, eq=False, repr=False)(cls)
 
-    def _summary(self) -> str:
+    def __repr__(self) -> str:
         return f"<{type(self).__name__}: {several(len(self), 'row')} of {', '.join(columns_of(type(self)))}>"
 
     def __post_init__(self) -> None:
@@ -156,7 +157,8 @@ class Table:
         return type(self)(**{name: getattr(self, name)[chosen] for name in columns_of(type(self))})
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass_transform(eq_default=False, frozen_default=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Artifact:
     """Base of all kinds: `kind`, the name of the class, and `schema_version`; fields are attributes and tables."""
 
@@ -165,9 +167,9 @@ class Artifact:
 
     def __init_subclass__(cls) -> None:
         cls.kind = vars(cls).get("kind", cls.__name__)
-        cls.__repr__ = Artifact._summary  # type: ignore[assignment]
+        dataclass(frozen=True, eq=False, repr=False)(cls)
 
-    def _summary(self) -> str:
+    def __repr__(self) -> str:
         scalars = [f"{name} {getattr(self, name)!r}" for name in attributes_of(type(self))]
         tables = {name: getattr(self, name) for name in tables_of(type(self))}
         counts = [f"{len(rows)} {name}" for name, rows in tables.items() if rows is not None and len(rows)]
@@ -247,14 +249,6 @@ def _computed_once(function: F) -> F:
 def columns_of(cls: type[Table]) -> Mapping[str, Column]:
     """The declared columns of a table, in order."""
     return {f.name: f.metadata["column"] for f in dataclasses.fields(cls) if "column" in f.metadata}
-
-
-def same_rows(a: object, b: object) -> bool:
-    """Whether two tables say the same; NaN is equal to itself."""
-    if not isinstance(a, Table) or type(a) is not type(b):
-        return False
-    pairs = ((getattr(a, name), getattr(b, name)) for name in columns_of(type(a)))
-    return all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in pairs)
 
 
 @_computed_once

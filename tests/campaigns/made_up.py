@@ -21,13 +21,11 @@ from aatri.arrays import Float
 from aatri.tables.schema import Artifact, Table, column, table
 
 
-@dataclass(frozen=True, eq=False)
 class Values(Table):
     """Numbers."""
     value: Float = column("f8", unit="m", doc="a number")
 
 
-@dataclass(frozen=True, eq=False)
 class Numbers(Artifact):
     """A list of numbers."""
     kind: ClassVar[str] = "Numbers"

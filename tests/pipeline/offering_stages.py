@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
@@ -16,7 +15,6 @@ GROUPED = Offer("list.group", "grouping", "2 groups (list.csv: group)", "", "Tot
 FOR_OTHERS = Offer("list.other", "observation", "1 word (list.csv: w)", "list.csv:9", "Word")
 
 
-@dataclass(frozen=True, eq=False)
 class Offered(Artifact):
     """Offers as many of these as its count."""
 
@@ -31,7 +29,6 @@ class Offered(Artifact):
         return frozenset({"list.observed", "list.group", "list.other", "list:*"})
 
 
-@dataclass(frozen=True, eq=False)
 class Total(Artifact):
     kind: ClassVar[str] = "Total"
     value: int = attribute(doc="value")

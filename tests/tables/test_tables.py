@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import FrozenInstanceError, dataclass
 from pathlib import Path
 from typing import ClassVar
 
@@ -22,7 +22,6 @@ from aatri.tables.utf8 import decoded, encoded, lengths_and_bytes
 # Tables and artifacts: declaration, validation, round trip, digest.
 
 
-@dataclass(frozen=True, eq=False)
 class Stations(Table):
     """Stations of a made-up network."""
 
@@ -32,7 +31,6 @@ class Stations(Table):
     line: Int = column("i4", doc="line in the file", digest=False)
 
 
-@dataclass(frozen=True, eq=False)
 class Network(Artifact):
     """A made-up kind."""
 
@@ -44,7 +42,6 @@ class Network(Artifact):
     extra: Stations | None = table(default=None)
 
 
-@dataclass(frozen=True, eq=False)
 class Other(Artifact):
     """Another kind."""
 
@@ -147,7 +144,6 @@ def test_columns_cannot_be_written_to() -> None:
         _network().stations.xyz_m[0, 0] = 1.0
 
 
-@dataclass(frozen=True, eq=False)
 class Readings(Table):
     """Readings, often of one instrument."""
 
@@ -248,6 +244,14 @@ def test_truncation_is_always_noticed(tmp_path: Path) -> None:
         path.write_bytes(whole[: int(share * len(whole))])
         with pytest.raises(AatriError):
             read(path, Network)
+
+
+def test_tables_are_frozen_dataclasses_by_themselves_and_cannot_be_so_twice() -> None:
+    with pytest.raises(FrozenInstanceError):
+        _stations(["A"]).id = np.array(["B"])  # type: ignore[misc]
+    assert _network() != _network()  # arrays are compared by their digest
+    with pytest.raises(TypeError):
+        dataclass(frozen=True, eq=False)(Stations)
 
 
 # Columns of text against Python's own encoder, text by text.

@@ -179,9 +179,7 @@ def test_a_role_with_a_kind_of_its_own_needs_inputs(tmp_path: Path) -> None:
     role = tmp_path / "stages" / "gravity"
     role.mkdir(parents=True)
     (role / "_kinds.py").write_text(
-        "from dataclasses import dataclass\n"
         "from aatri.tables.schema import Artifact, attribute\n\n\n"
-        "@dataclass(frozen=True, eq=False)\n"
         "class Anomaly(Artifact):\n"
         '    """Gravity anomaly."""\n\n'
         '    kind = "Anomaly"\n'

@@ -29,7 +29,8 @@ from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import rows_of as rows_in
 from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
-from aatri.tables.schema import columns_of, same_rows, tables_of
+from aatri.tables.digest import same_rows
+from aatri.tables.schema import columns_of, tables_of
 
 CAMERAS_BESIDE = (
     "add the file with the cameras, or the photographs, as a further `--from`, in a pipeline under `sources`; a camera "
