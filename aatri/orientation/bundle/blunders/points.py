@@ -24,6 +24,9 @@ from aatri.observations.poses import POINT, Poses
 
 PASSES = 3
 
+AT_ONCE = 20_000
+"""Points that are looked at together, 100 MB where they have twenty rays."""
+
 FAR = 1e9
 """Whitened residual of what cannot be seen from where the point stands."""
 
@@ -104,6 +107,25 @@ def explained(
     limit : tuple of (n,) float64
         |w| up to which each record agrees with the others.
     """
+    pieces = list[AtPoints]()
+    for first in range(0, max(len(points), 1), AT_ONCE):
+        piece = slice(first, first + AT_ONCE)
+        part = _of_piece(observed, native, state, points[piece], suspected[piece], limit)
+        pieces.append(replace(part, members=replace(part.members, block=part.members.block + first)))
+    members = (np.concatenate([getattr(p.members, name) for p in pieces]) for name in ("place", "row", "block", "slot"))
+    columns = (np.concatenate([getattr(p, name) for p in pieces]) for name in ("out", "undecided", "single", "xyz_m"))
+    return AtPoints(Members(points, *members), *columns)
+
+
+def _of_piece(
+    observed: tuple[Observed, ...],
+    native: tuple[Bool, ...],
+    state: State,
+    points: Int,
+    suspected: Bool,
+    limit: tuple[Float, ...],
+) -> AtPoints:
+    """The same of so many points that all their records, padded to those of the largest, are held at a time."""
     members = members_of(observed, native, points, len(state[POINT]))
     current: dict[str, Any] = dict(state)
     previous: Bool | None = None
