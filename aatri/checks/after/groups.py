@@ -39,7 +39,7 @@ RADIAL = (
     "inside the block, observed positions or oblique images hold the bend"
 )
 
-MOVED = "is it a rolling shutter (`readout_s`), or did shadows, leaves, water move (`mask` of images.csv)?"
+MOVED = "a rolling shutter (`readout_s`) and shadows, leaves, water that move (`mask`) look alike"
 
 
 def contradicts(accepted: AcceptedGroup, moved_cameras: Container[str] = ()) -> bool:
@@ -213,7 +213,7 @@ def _ask(g: Group) -> str:
 
 def _lens(g: Group) -> str:
     if g.per in (STRIP, LINE):
-        return f"was the {g.per} flown with another camera? give its images that one; if not: {MOVED}"
+        return f"give its images a camera of their own (`camera` of images.csv); another lens, {MOVED}"
     if g.loosens:
         return "check it, or give it a larger standard deviation, by which it is estimated"
     return "check it, or estimate it (`self_calibration`)"
