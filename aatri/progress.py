@@ -57,21 +57,14 @@ class Kept(Protocol):
 
 @dataclass(frozen=True)
 class Item:
-    """One of many pieces of work of a stage: an image, a pair of images.
-
-    Attributes
-    ----------
-    name : str
-        For messages.
-    files : tuple of str
-        Paths that the work reads; they count by what `arguments` say of their content, not by where they lie.
-    arguments : tuple
-        Texts, numbers, lists of them, and `Kept` results of other items: all that the result depends on.
-    """
+    """One of many pieces of work of a stage: an image, a pair of images."""
 
     name: str
+    """For messages."""
     files: tuple[str, ...]
+    """Paths that the work reads; they count by what `arguments` say of their content, not by where they lie."""
     arguments: tuple[Any, ...]
+    """Texts, numbers, lists of them, and `Kept` results of other items: all that the result depends on."""
 
 
 class Workers(Protocol):

@@ -11,15 +11,10 @@ from aatri.report.drawing.picture import Picture
 
 @dataclass(frozen=True)
 class Plots:
-    """Pictures of a run's report by name.
-
-    Attributes
-    ----------
-    pictures : mapping
-        Each its marks as arrays in the units of its axes, its title and caption.
-    """
+    """Pictures of a run's report by name."""
 
     pictures: Mapping[str, Picture]
+    """Each its marks as arrays in the units of its axes, its title and caption."""
 
     def save(self, folder: str | Path = ".", form: str = "svg") -> list[Path]:
         """Write each as NAME.svg, NAME.png or NAME.pdf, drawn by matplotlib.

@@ -57,22 +57,15 @@ def written(pipeline: Mapping[str, Any]) -> Path:
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage of a run.
-
-    Attributes
-    ----------
-    name, use : str
-        Its name, and the method ROLE/VARIANT.
-    folder : Path
-        Of the run.
-    record : mapping, optional
-        What is known of its result; None if it has none.
-    """
+    """A stage of a run."""
 
     name: str
     use: str
+    """The method, ROLE/VARIANT."""
     folder: Path
+    """Of the run."""
     record: Mapping[str, Any] | None
+    """What is known of its result; None if it has none."""
 
     @property
     def metrics(self) -> Mapping[str, float | int | None]:

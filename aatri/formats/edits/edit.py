@@ -62,35 +62,24 @@ edits:
 
 @dataclass(frozen=True)
 class Edit:
-    """One edit.
-
-    Attributes
-    ----------
-    do : {'switch_off', 'renumber', 'exchange', 'reweight'}
-    kind : str
-        image_point, fiducial, control, position, attitude, or a type of geodetic observation.
-    ids : dict of str to str
-        By the keys image, point, from, to, via, group.
-    coordinates : str
-        Those of X, Y, Z that are meant.
-    value : tuple of float
-        As measured: mm or px of an image point, m (east, north, up) of control and positions, rad of attitudes, m or
-        rad of geodetic observations; empty: not compared.
-    factor : float
-        On standard deviations.
-    reason : str
-    where : str
-        `file:line:column`.
-    """
+    """One edit."""
 
     do: str
+    """switch_off, renumber, exchange, reweight."""
     kind: str
+    """image_point, fiducial, control, position, attitude, or a type of geodetic observation."""
     ids: dict[str, str]
+    """By the keys image, point, from, to, via, group."""
     coordinates: str = "XYZ"
+    """Those of X, Y, Z that are meant."""
     value: tuple[float, ...] = ()
+    """As measured: mm or px of an image point, m (east, north, up) of control and positions, rad of attitudes, m or
+    rad of geodetic observations; empty: not compared."""
     factor: float = 1.0
+    """On standard deviations."""
     reason: str = ""
     where: str = ""
+    """`file:line:column`."""
 
     @property
     def family(self) -> str:

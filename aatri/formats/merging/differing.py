@@ -28,19 +28,15 @@ Measured = TypeVar("Measured", MeasuredPoints, FiducialPoints)
 
 @dataclass(frozen=True)
 class DifferingRows:
-    """Rows of two tables that are of one thing.
-
-    Attributes
-    ----------
-    first, second : (n,) int
-    named, where : callable
-        Row of the second -> what messages call it; where it was read.
-    """
+    """Rows of two tables that are of one thing."""
 
     first: Int
     second: Int
+    """(n,), as `first`."""
     named: Callable[[int], str]
+    """Row of the second -> what messages call it."""
     where: Callable[[int], str]
+    """Row of the second -> where it was read."""
 
 
 AXES = ("X", "Y", "Z")

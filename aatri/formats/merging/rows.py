@@ -38,18 +38,12 @@ Key = tuple[str, str, tuple[tuple[str, str], ...]]
 
 @dataclass(frozen=True)
 class Joined:
-    """How the rows of a second table stand to those of a first.
-
-    Attributes
-    ----------
-    row : (n,) int64
-        Row of the first that is equal, or else the first row of the same key; -1 where there is none.
-    equal : (n,) bool
-        That row is equal.
-    """
+    """How the rows of a second table stand to those of a first."""
 
     row: Int
+    """(n,). Row of the first that is equal, or else the first row of the same key; -1 where there is none."""
     equal: Bool
+    """(n,). That row is equal."""
 
     @property
     def differing(self) -> Int:

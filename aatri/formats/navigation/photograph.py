@@ -54,33 +54,24 @@ TIME, SUBSECONDS, FOCAL, FOCAL_35, WIDTH, PLANE_X, PLANE_UNIT, LENS = (
 
 @dataclass(frozen=True)
 class Photograph:
-    """The head of a photograph.
-
-    Attributes
-    ----------
-    size_px : (int, int)
-        Width and height as they lie in the file.
-    orientation : int
-        1 to 8, as a viewer would turn it; 1 where nothing is said.
-    focal_mm, focal_px : float
-        NaN where nothing is said.
-    lonlat_deg : (float, float, float)
-        Longitude, latitude in degrees, height in m; NaN where nothing is said.
-    time_s : float, s
-        Of the camera's clock, from 1970; NaN where nothing is said.
-    """
+    """The head of a photograph."""
 
     path: Path
     content: str
     size_px: tuple[int, int]
+    """Width and height as they lie in the file."""
     orientation: int
+    """1 to 8, as a viewer would turn it; 1 where nothing is said."""
     make: str
     model: str
     lens: str
     focal_mm: float
     focal_px: float
+    """As `focal_mm` NaN where nothing is said."""
     time_s: float
+    """Of the camera's clock, from 1970; NaN where nothing is said."""
     lonlat_deg: tuple[float, float, float]
+    """Longitude, latitude in degrees, height in m; NaN where nothing is said."""
 
     @property
     def camera(self) -> str:

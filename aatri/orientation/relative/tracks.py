@@ -15,20 +15,15 @@ from aatri.arrays import Int
 
 @dataclass(frozen=True)
 class Tracks:
-    """Tracks as rows of features.
-
-    Attributes
-    ----------
-    track, image, keypoint : (n,) int
-        Number of the track, and the feature by image and row; by track, then by image.
-    refused : int
-        Components with two features of one image.
-    """
+    """Tracks as rows of features."""
 
     track: Int
+    """(n,). Number of the track, whose features stand together, by image."""
     image: Int
     keypoint: Int
+    """(n,). The feature: its row in the image."""
     refused: int
+    """Components with two features of one image."""
 
 
 def tracks_of(left: Int, right: Int, first: Int) -> Tracks:

@@ -33,61 +33,42 @@ STEPS = [name for name in COLOURS if name.startswith("step")]
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """Marks of one kind.
-
-    Attributes
-    ----------
-    shape : str
-        dots, triangles, circles, crosses or texts at places; segments, areas; one line.
-    xy : float64
-        In the units of the axes: (n, 2), of segments (n, 2, 2), of areas their corners (n, k, 2).
-    colour : str
-        One of COLOURS.
-    name : str
-        In the legend; empty: not there.
-    width : float, px
-        Of lines; of dots their diameter.
-    fill : float
-        Opacity of what an area encloses.
-    dashed : bool
-    ids, tells : sequence of str
-        What each mark is, and its figures, as the pointer shows them; texts are ids.
-    labelled : bool
-        Ids are written beside the marks, as far as there is room.
-    seen_from : list of (k,) int
-        Of points: the marks with `sees` that they are seen from.
-    sees : bool
-        These are the images.
-    """
+    """Marks of one kind."""
 
     shape: Shape
+    """dots, triangles, circles, crosses or texts at places; segments, areas; one line."""
     xy: Float
+    """In the units of the axes: (n, 2), of segments (n, 2, 2), of areas their corners (n, k, 2)."""
     colour: str
+    """One of COLOURS."""
     name: str = ""
+    """In the legend; empty: not there."""
     width: float = 1.2
+    """px. Of lines; of dots their diameter."""
     fill: float = 0.0
+    """Opacity of what an area encloses."""
     dashed: bool = False
     ids: Sequence[str] = ()
+    """What each mark is, as the pointer shows it; texts are ids."""
     tells: Sequence[str] = ()
+    """The figures of each mark, likewise."""
     labelled: bool = False
+    """Ids are written beside the marks, as far as there is room."""
     seen_from: Sequence[Sequence[int]] = ()
+    """Of points: the marks with `sees` that they are seen from."""
     sees: bool = False
+    """These are the images."""
 
 
 @dataclass(frozen=True, eq=False)
 class Backdrop:
-    """A photograph behind the marks of a plan.
-
-    Attributes
-    ----------
-    jpeg : bytes
-    low, high : (2,) float64
-        Its lower left and upper right corners, in the units of the axes.
-    """
+    """A photograph behind the marks of a plan."""
 
     jpeg: bytes
     low: Float
+    """(2,). Its lower left corner, in the units of the axes."""
     high: Float
+    """(2,). Its upper right corner, likewise."""
 
 
 @dataclass(frozen=True)
@@ -104,45 +85,32 @@ class ChartAxis:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture; without axes a plan: both coordinates to one scale, the second upwards.
-
-    Attributes
-    ----------
-    name : str
-        By which `aatri plot` knows it.
-    title, caption : str
-        What it is; what it says, and how it is drawn.
-    on_screen : str
-        What the reader can do with it, which paper leaves out.
-    marks : sequence of Marks
-        In the order in which they are drawn.
-    key : (float, str), optional
-        A vector of round length, drawn to scale: its length in the units of the plan, and what it means.
-    across, up : ChartAxis, optional
-        Of a chart; a plan has none.
-    ground : bool
-        A plan is of the ground, in m: it has a bar of its scale and an arrow to the north.
-    metric : bool
-        Something gives the scale of the ground; else the bar is in units of the model.
-    backdrops : sequence of Backdrop
-        Of a plan.
-    width, height : float, px
-        On the page; the height of a plan follows from what it shows.
-    """
+    """A picture; without axes a plan: both coordinates to one scale, the second upwards."""
 
     name: str
+    """By which `aatri plot` knows it."""
     title: str
+    """What it is."""
     caption: str
+    """What it says, and how it is drawn."""
     marks: Sequence[Marks]
+    """In the order in which they are drawn."""
     across: ChartAxis | None = None
     up: ChartAxis | None = None
+    """Of a chart, as `across`; a plan has none."""
     key: tuple[float, str] | None = None
+    """A vector of round length, drawn to scale: its length in the units of the plan, and what it means."""
     ground: bool = True
+    """A plan is of the ground, in m: it has a bar of its scale and an arrow to the north."""
     metric: bool = True
+    """Something gives the scale of the ground; else the bar is in units of the model."""
     backdrops: Sequence[Backdrop] = ()
+    """Of a plan."""
     width: float = 540.0
     height: float = 240.0
+    """px on the page, as `width`; the height of a plan follows from what it shows."""
     on_screen: str = ""
+    """What the reader can do with it, which paper leaves out."""
 
 
 def steps_of(

@@ -113,28 +113,18 @@ def principal_distances(block: Block, solution: Solution | None) -> Float:
 
 @dataclass(frozen=True, eq=False)
 class ImagePair:
-    """Two images with the points that both have.
-
-    Attributes
-    ----------
-    names : (str, str)
-    size : (2, 2) float64
-        Width and height of each, px or mm.
-    jpeg : (bytes, bytes)
-        Photographs, upright as they are measured; empty where there is none.
-    point : (n,) str
-    place : (n, 2, 2) float64
-        In each image: in widths and heights from its lower left corner.
-    used : (n,) bool
-        In both.
-    """
+    """Two images with the points that both have."""
 
     names: tuple[str, str]
     size: Float
+    """(2, 2). Width and height of each, px or mm."""
     jpeg: tuple[bytes, bytes]
+    """Photographs, upright as they are measured; empty where there is none."""
     point: Text
     place: Float
+    """(n, 2, 2). In each image: in widths and heights from its lower left corner."""
     used: Bool
+    """(n,). In both."""
 
 
 def cells_picture(names: Text, filled: Bool, images: Int) -> Picture:

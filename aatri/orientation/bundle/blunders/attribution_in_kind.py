@@ -48,22 +48,14 @@ SOFT = 0.02
 
 @dataclass(frozen=True)
 class AttributionInKind:
-    """What the trials have come to.
-
-    Attributes
-    ----------
-    tried : TestedBlock
-        Adjusted with what is active now.
-    undecided : (n,) bool
-        Left out though only one of them is wrong.
-    kept : (n,) bool
-        Used though one of them is wrong.
-    notes : tuple of Note
-    """
+    """What the trials have come to."""
 
     tested: TestedBlock
+    """Adjusted with what is active now."""
     undecided: Bool
+    """(n,). Left out though only one of them is wrong."""
     kept: Bool
+    """(n,). Used though one of them is wrong."""
     notes: tuple[Note, ...]
 
 
