@@ -16,7 +16,8 @@ from aatri.errors import ResourceError, SpecError
 if TYPE_CHECKING:
     from aatri.pipeline.methods.registry import Registry
     from aatri.plugin import StageCard
-    from aatri.tables.schema import Artifact, Column, Table
+    from aatri.tables.checked_column import Column
+    from aatri.tables.schema import Artifact, Table
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 NAME = "^[a-z][a-z0-9_]*$"

@@ -1,8 +1,7 @@
 """A column as it is declared: its dtype and shape, finite numbers, contiguous, not to be written to."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,10 +9,26 @@ import numpy.typing as npt
 from aatri.arrays import is_uniform
 from aatri.errors import ArtifactError
 
-if TYPE_CHECKING:
-    from aatri.tables.schema import Column
-
 DTYPES: dict[str, Any] = {"f8": np.float64, "i4": np.int32, "i8": np.int64, "i1": np.int8, "bool": np.bool_}
+
+
+@dataclass(frozen=True)
+class Column:
+    """Declaration of one column.
+
+    `digest` is False for provenance, which is not part of the content. Without a `default` it has to be stated.
+    `uniform` columns of long tables often have one value in all rows, which then is in memory once: a view of it.
+    """
+
+    dtype: str
+    shape: tuple[int, ...]
+    unit: str
+    doc: str
+    refers: str
+    optional: bool
+    digest: bool
+    default: str | float | bool | None = None
+    uniform: bool = False
 
 
 def checked(table_name: str, name: str, declared: Column, values: Any) -> npt.NDArray[Any]:

@@ -21,20 +21,10 @@ import numpy.typing as npt
 from aatri.arrays import Text
 from aatri.errors import ArtifactError, ResourceError
 from aatri.ids import did_you_mean
-from aatri.tables.checked_column import DTYPES
+from aatri.tables.checked_column import DTYPES, Column
 from aatri.tables.digest import content_digest, same_content
 from aatri.tables.hdf5_guard import guarded, scalar_of
-from aatri.tables.schema import (
-    Artifact,
-    Column,
-    Table,
-    attributes_of,
-    column,
-    columns_of,
-    may_be_absent,
-    size_of,
-    tables_of,
-)
+from aatri.tables.schema import Artifact, Table, attributes_of, column, columns_of, may_be_absent, size_of, tables_of
 from aatri.tables.utf8 import decoded, encoded
 
 A = TypeVar("A", bound=Artifact)

@@ -25,32 +25,13 @@ import numpy.typing as npt
 
 from aatri.errors import ArtifactError
 from aatri.ids import several
-from aatri.tables.checked_column import DTYPES, checked
+from aatri.tables.checked_column import DTYPES, Column, checked
 from aatri.tables.offers import Offer
 from aatri.units import DASH
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 ATTRIBUTE_TYPES = (str, int, float, bool)
-
-
-@dataclass(frozen=True)
-class Column:
-    """Declaration of one column.
-
-    `digest` is False for provenance, which is not part of the content. Without a `default` it has to be stated.
-    `uniform` columns of long tables often have one value in all rows, which then is in memory once: a view of it.
-    """
-
-    dtype: str
-    shape: tuple[int, ...]
-    unit: str
-    doc: str
-    refers: str
-    optional: bool
-    digest: bool
-    default: str | float | bool | None = None
-    uniform: bool = False
 
 
 @dataclass(frozen=True)

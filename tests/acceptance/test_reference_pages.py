@@ -18,7 +18,8 @@ import pytest
 from aatri.artifacts.kinds import KINDS
 from aatri.pipeline.methods.registry import Registry, find_stages
 from aatri.plugin import StageCard
-from aatri.tables.schema import Artifact, Column, attributes_of, columns_of, may_be_absent, tables_of
+from aatri.tables.checked_column import Column
+from aatri.tables.schema import Artifact, attributes_of, columns_of, may_be_absent, tables_of
 
 PAGES = Path(__file__).parents[2] / "docs" / "reference"
 WRITTEN = "<!-- written by APPROVE=1 pytest tests/acceptance/test_reference_pages.py -->"

@@ -31,8 +31,8 @@ from aatri.formats.conventions.pixel_origins import PixelAxes
 from aatri.frames.checks import out_of_range
 from aatri.frames.conversion import Frame
 from aatri.ids import MAX_BYTES, OF_IDS, clipped
-from aatri.tables.checked_column import DTYPES
-from aatri.tables.schema import Column, Table, columns_of
+from aatri.tables.checked_column import DTYPES, Column
+from aatri.tables.schema import Table, columns_of
 from aatri.units import SMALLEST
 
 LOCAL = Frame("local", ("x", "y", "z"), "local")

@@ -22,7 +22,8 @@ from aatri.camera.parameters.catalogue import SETS, parameter_set
 from aatri.camera.parameters.parameter_set import ParameterSet
 from aatri.geometry.rotations import angle_covariance, angles_from_rotation
 from aatri.observations.poses import CAMERA
-from aatri.tables.schema import Column, Table, columns_of
+from aatri.tables.checked_column import Column
+from aatri.tables.schema import Table, columns_of
 
 _BY_NAME = {
     **dict.fromkeys(("principal_distance", "principal_point.x", "principal_point.y", "c", "x0", "y0"), "mm"),

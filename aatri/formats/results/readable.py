@@ -28,7 +28,8 @@ from aatri.formats.results.column_names import (
 from aatri.formats.results.interior_orientation import interior_sigmas
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import did_you_mean
-from aatri.tables.schema import Artifact, Column, Table, columns_of, tables_of
+from aatri.tables.checked_column import Column
+from aatri.tables.schema import Artifact, Table, columns_of, tables_of
 
 _SYSTEM = "omega-phi-kappa"
 _HIDDEN = ("file", "line", "row")
