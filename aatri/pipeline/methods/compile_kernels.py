@@ -3,22 +3,15 @@
 A module is compiled when it is imported. It waits for the kernel modules that it imports itself, so that nothing is
 compiled twice; the longest come first. Whatever goes wrong is left to the process that imports the module in the end:
 its error is the one to tell.
-
-Says that a stage compiles a kernel: one that few blocks need is compiled when the first of them comes to it.
-
-Numba announces what it compiles as events `numba:compile`; what it takes from the cache is none.
 """
 
 import contextlib
 import importlib
 import os
 import threading
-import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
-
-from numba.core import event
+from typing import TypeVar
 
 from aatri.machine import processors
 from aatri.pipeline.methods.code_digest import PACKAGE, Code
@@ -146,29 +139,3 @@ def _compile(module: str) -> None:
     with contextlib.suppress(AttributeError, OSError):
         os.nice(5 - os.nice(0))
     importlib.import_module(module)
-
-
-class CompileListener(event.Listener):
-    """Tells a sentence for each module of which something is compiled, and s of clock and processor that it took."""
-
-    def __init__(self, tell: Callable[[str], None], took: Callable[[float, float], None]) -> None:
-        self._tell, self._took = tell, took
-        self._modules: set[str] = set()
-        self._under_way = 0  # a function is compiled within that which calls it
-        self._began_s, self._began_processor_s = 0.0, 0.0
-
-    def on_start(self, event: Any) -> None:
-        """A function is compiled."""
-        if not self._under_way:
-            self._began_s, self._began_processor_s = time.perf_counter(), time.process_time()
-        self._under_way += 1
-        module = event.data["dispatcher"].py_func.__module__
-        if module not in self._modules:
-            self._modules.add(module)
-            self._tell(f"compiling {module.rpartition('.')[2]}, once: this block is the first to need it")
-
-    def on_end(self, _event: Any) -> None:
-        """It is compiled."""
-        self._under_way -= 1
-        if not self._under_way:
-            self._took(time.perf_counter() - self._began_s, time.process_time() - self._began_processor_s)

@@ -7,18 +7,7 @@ machine, for all its clones and environments; an edit leads to a new folder. A f
 Processors of x86-64 with AVX2 count as one, `GENERIC`, and run the same machine code; that for AVX-512 is not faster
 here (docs/speed.md). So a wheel can carry the folders of such a processor (`hatch_build.py`): those that fit are copied
 into the cache, as if they had been compiled there.
-
-Where Numba keeps a compiled function: in a folder named by the code of its module and of all that it calls.
-
-Numba names its cache by the path of a file and stamps it by the content of that file alone: every clone and every
-environment compiles again, and an edit of a called function in another file goes unnoticed. Here a module of a
-`kernels` folder is known by the digest of the code it reaches (`code_digest`): equal code is compiled once, and any
-edit leads to another folder. Processor and options of the compiler are part of Numba's own index.
-
-Numba is led here by the variable NUMBA_CACHE_LOCATOR_CLASSES.
 """
-
-from __future__ import annotations
 
 import atexit
 import contextlib
@@ -31,12 +20,9 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
-
-from numba.core import caching
 
 from aatri.pipeline.methods.code_digest import PACKAGE, Code, CodeReader
 from aatri.pipeline.store.cache import Cache, cache_folder, cache_name
@@ -89,7 +75,7 @@ def use_kernel_cache() -> Path | None:
         folder = Path(tempfile.mkdtemp(prefix="aatri-kernels-"))
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
     os.environ[VARIABLE] = str(folder)
-    os.environ[LOCATORS] = f"aatri.pipeline.methods.kernel_cache.ByContent,{OTHERS}"
+    os.environ[LOCATORS] = f"aatri.pipeline.methods.kernel_locator.ByContent,{OTHERS}"
     return folder
 
 
@@ -170,41 +156,3 @@ def remove_unused(folder: Path, kernels: Mapping[str, Path]) -> None:
         with contextlib.suppress(OSError):
             if now - used_s > KEPT_DAYS * _DAY_S or k >= MOST_FOLDERS:
                 shutil.rmtree(one) if one.is_dir() and not one.is_symlink() else one.unlink()
-
-
-class ByContent(caching._CacheLocator):
-    """The place of one compiled function of a `kernels` folder."""
-
-    def __init__(self, function: Callable[..., Any], file: Path) -> None:
-        self._line = function.__code__.co_firstlineno
-        self._folder = Path(os.environ[VARIABLE]) / folder_name(function.__module__, file)
-
-    @classmethod
-    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> ByContent | None:
-        """The place of a function; None if it is no kernel, or the cache cannot be written."""
-        file = Path(py_file)
-        if not os.environ.get(VARIABLE) or file.parent.name != "kernels" or not file.is_file():
-            return None
-        place = cls(py_func, file)
-        try:
-            place.ensure_cache_path()
-        except OSError:
-            return None
-        return place
-
-    def ensure_cache_path(self) -> None:
-        """Make the folder, and see that it can be written."""
-        self._folder.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=self._folder).close()
-
-    def get_cache_path(self) -> str:
-        """The folder."""
-        return str(self._folder)
-
-    def get_source_stamp(self) -> str:
-        """State of the source: the folder's name says it."""
-        return self._folder.name
-
-    def get_disambiguator(self) -> str:
-        """What tells functions of one name in one file apart."""
-        return str(self._line)

@@ -179,7 +179,7 @@ def _compilation_told(context: LoggedContext, took: Callable[[float, float], Non
         return nullcontext()
     from numba.core.event import install_listener
 
-    from aatri.pipeline.methods.compile_kernels import CompileListener
+    from aatri.pipeline.methods.compile_listener import CompileListener
 
     listener = CompileListener(lambda text: context.progress(0, 0, text), took)
     return cast("AbstractContextManager[object]", install_listener("numba:compile", listener))

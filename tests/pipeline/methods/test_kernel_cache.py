@@ -274,3 +274,10 @@ def test_no_kernel_fuses_products_with_sums_for_which_are_fused_depends_on_what_
     kernels = [file for file in PACKAGE.glob("**/kernels/*.py") if file.stem != "__init__"]
     assert len(kernels) > 30
     assert [file.name for file in kernels if "fastmath" in file.read_text()] == []
+
+
+@pytest.mark.parametrize("module", ["kernel_cache", "compile_kernels"])
+def test_numba_is_not_imported_before_the_variables_that_lead_it_to_the_cache_are_set(module: str) -> None:
+    """It reads them once: imported before, it would keep what it compiles beside the code."""
+    code = f"import sys, aatri.pipeline.methods.{module}; print('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
