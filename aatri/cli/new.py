@@ -158,6 +158,8 @@ def new(
         return
     if paths and not sources and (len(paths) > 1 or block is not BlockSource.photos):
         raise SpecError(f"a second path, {paths[-1]}", remedy="--from takes several, --block photos one")
+    if sources and block is not BlockSource.simulate:
+        raise SpecError(f"--block {block} beside --from", remedy="--from reads what there is: leave --block out")
     if (set_ or without) and not sources:
         raise SpecError("--set and --without go with --from", remedy="or change the pipeline.yaml that is written")
     written = folder / "pipeline.yaml"

@@ -72,4 +72,4 @@ def warn_if_stale(named: Path | None, stage: str = "") -> None:
     stale = [d for d in decisions if d.record is None and stage in ("", d.stage)]
     if stale:
         names = ", ".join(d.stage for d in stale)
-        narrate(f"warning: not up to date: {names} ({reasons_of(stale[0])}); `aatri run` makes it again")
+        narrate(f"warning: not up to date: {names} ({reasons_text(stale[0].reasons[:1])}); `aatri run` makes it again")

@@ -203,8 +203,11 @@ def _labels(o: Observed, images: ImageGroups | None) -> tuple[list[str], Int]:
     labels, label = [""], np.zeros(len(o), dtype=np.int64)
     touched = dict(o.records.touches)
     if images is not None and POSE in touched and POINT in touched and len(images.cameras) > 1:
-        used, label = np.unique(images.camera[touched[POSE]], return_inverse=True)
-        labels = [str(name) for name in images.cameras[used]]
+        # a camera of one image fits the more, the more exact its points are taken to be: such cameras are one class
+        number = np.where(np.bincount(images.camera)[images.camera] > 1, images.camera, len(images.cameras))
+        used, label = np.unique(number[touched[POSE]], return_inverse=True)
+        cameras = [*images.cameras.tolist(), "of cameras of one image" if len(used) > 1 else ""]
+        labels = [cameras[k] for k in used]
     if o.group is not None:
         names, group = np.unique(o.group, return_inverse=True)
         labels = [f"{a} {b}".strip() for a in labels for b in names.tolist()]
