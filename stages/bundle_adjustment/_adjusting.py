@@ -7,6 +7,8 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from aatri.adapters.bundle.bundle_input import with_parameters
 from aatri.adapters.bundle.candidate_groups import candidate_groups
 from aatri.adjustment.problem import SolverSettings
@@ -27,8 +29,9 @@ from aatri.orientation.bundle.blunders.earlier_rejections import (
     with_sets_again,
 )
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
+from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS
 from aatri.orientation.bundle.from_afar import Restarts, adjust_bundle_from_afar
-from aatri.orientation.bundle.groups.failed_search import searched_again, without_wrong_image
+from aatri.orientation.bundle.groups.failed_search import mostly_rejected_images, searched_again, without_wrong_image
 from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
 from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
 from aatri.orientation.bundle.parameter_estimates import column_kinds
@@ -106,6 +109,10 @@ def _searched(
                 failure.remedy = f"{GROSS_ERRORS}{failure.remedy and f'; else: {failure.remedy}'}"
                 raise
             return searched_again(block, in_all, adjust, failure)
+        if searching.method != "none" and (images := mostly_rejected_images(block, done)):
+            fits = float(np.sqrt(MUCH_LESS * (1.0 + done.result.adjusted.sigma0**2))) * done.scale
+            if without := without_wrong_image(block, in_all, adjust, fits, images):
+                return without
         most = options.max_sigma0
         if most is None or searching.method == "none" or groups or not done.result.adjusted.sigma0 * done.scale > most:
             return done, groups

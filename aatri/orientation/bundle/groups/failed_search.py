@@ -9,8 +9,10 @@ them on: the search is made without them, as if they were not measured, and they
 
 An image whose points have others' numbers bends a small block until nothing stands out. Where sigma0 is beyond what is
 refused, or nothing converges, each image is left out on trial; if the block fits without one, and never with it, the
-search is made again as if this one had not been measured. So it is with an image that is open on the way only. What no
-observation determines of the whole, of most images, or of what images share, is as open without one: none is tried.
+search is made again as if this one had not been measured. So it is with an image that is open on the way only, and with
+one of which the search has rejected most, where what is left of it bends the rest: without it half of what sigma0^2 is
+above 1 is gone. What no observation determines of the whole, of most images, or of what images share, is as open
+without one: none is tried.
 
 Before that least squares of all observations may fit them. Without some observations, or by other weights, weak points
 may run away, and with them the search. Nothing calls for rejections where sigma0 of least squares is not above what
@@ -25,7 +27,9 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
+from aatri.adjustment.statistics.class_scales import MATTERS
 from aatri.adjustment.statistics.global_test import MAX_SIGMA0, sigma0_interval
+from aatri.adjustment.statistics.limits import ALARM
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.geometry.intersection import intersect_rays
@@ -142,8 +146,22 @@ def _switched(o: Observed, rows: Bool, on: bool) -> Observed:
     return replace(o, records=replace(o.records, active=active), unreduced=unreduced)
 
 
+def mostly_rejected_images(block: BundleInput, done: AdjustedBlock) -> list[int]:
+    """Images of which a search has rejected most image points, in a block of a sigma0 that chance does not explain."""
+    adjusted, rays, n = done.result.adjusted, block.rays, len(block.image_ids)
+    if rays is None or not adjusted.sigma0 > max(MATTERS, sigma0_interval(max(adjusted.redundancy, 1), ALARM)[1]):
+        return []
+    measured, used = (np.bincount(rays.image[rows], minlength=n) for rows in (rays.active, done.result.ray_used))
+    images: list[int] = np.flatnonzero(2 * used < measured)[:MOST_TRIED].tolist()
+    return images
+
+
 def without_wrong_image(
-    block: BundleInput, search: Search, adjust: Adjust, max_sigma0: float = MAX_SIGMA0
+    block: BundleInput,
+    search: Search,
+    adjust: Adjust,
+    max_sigma0: float = MAX_SIGMA0,
+    images: list[int] | None = None,
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]] | None:
     """The search without the rays of the image that is left out wherever the block fits; None where there is none.
 
@@ -151,9 +169,13 @@ def without_wrong_image(
     ----------
     max_sigma0 : float
         Of a block that fits.
+    images : list of int, optional
+        Those that may be wrong.
     """
     rays, fitting = block.rays, list[tuple[int, Bool, BundleInput]]()
-    for image in [] if rays is None else _doubtful_images(block, rays):
+    if rays is not None and images is None:
+        images = _doubtful_images(block, rays)
+    for image in images or ():
         of_image = np.arange(len(block.image_ids)) == image
         observed = tuple(_switched(o, _rays_at(o, of_image, POSE), False) for o in block.observed)
         fewer = replace(block, observed=observed)

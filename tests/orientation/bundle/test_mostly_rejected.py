@@ -1,0 +1,25 @@
+"""Images of which a search has rejected most image points: one may be wrong as a whole, and bends the rest."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aatri.orientation.bundle.groups.failed_search import mostly_rejected_images
+
+
+@pytest.mark.parametrize(("sigma0", "redundancy", "images"), [(1.0, 500, []), (1.3, 4, []), (1.5, 500, [2])])
+def test_they_are_named_where_the_rest_does_not_fit(sigma0: float, redundancy: int, images: list[int]) -> None:
+    """Four images of ten points: of the third seven are rejected, of the fourth five, and one was never in use."""
+    image = np.repeat(np.arange(4), 10)
+    active = np.ones(40, dtype=bool)
+    active[0] = False
+    used = active.copy()
+    used[20:27] = used[30:35] = False
+    rays, adjusted = SimpleNamespace(image=image, active=active), SimpleNamespace(sigma0=sigma0, redundancy=redundancy)
+    block: Any = SimpleNamespace(rays=rays, image_ids=("a", "b", "c", "d"))
+    done: Any = SimpleNamespace(result=SimpleNamespace(adjusted=adjusted, ray_used=used))
+    assert mostly_rejected_images(block, done) == images
