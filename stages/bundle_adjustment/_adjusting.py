@@ -109,7 +109,7 @@ def _searched(
                 failure.remedy = f"{GROSS_ERRORS}{failure.remedy and f'; else: {failure.remedy}'}"
                 raise
             return searched_again(block, in_all, adjust, failure)
-        if searching.method != "none" and (images := mostly_rejected_images(block, done)):
+        if searching.method != "none" and (images := mostly_rejected_images(block.rays, done.result)):
             fits = float(np.sqrt(MUCH_LESS * (1.0 + done.result.adjusted.sigma0**2))) * done.scale
             if without := without_wrong_image(block, in_all, adjust, fits, images):
                 return without

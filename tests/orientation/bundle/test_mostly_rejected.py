@@ -19,7 +19,7 @@ def test_they_are_named_where_the_rest_does_not_fit(sigma0: float, redundancy: i
     active[0] = False
     used = active.copy()
     used[20:27] = used[30:35] = False
-    rays, adjusted = SimpleNamespace(image=image, active=active), SimpleNamespace(sigma0=sigma0, redundancy=redundancy)
-    block: Any = SimpleNamespace(rays=rays, image_ids=("a", "b", "c", "d"))
-    done: Any = SimpleNamespace(result=SimpleNamespace(adjusted=adjusted, ray_used=used))
-    assert mostly_rejected_images(block, done) == images
+    rays: Any = SimpleNamespace(image=image, active=active)
+    adjusted = SimpleNamespace(sigma0=sigma0, redundancy=redundancy)
+    result: Any = SimpleNamespace(adjusted=adjusted, ray_used=used, image_adjusted=np.ones(4, dtype=bool))
+    assert mostly_rejected_images(rays, result) == images

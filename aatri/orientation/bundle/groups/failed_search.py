@@ -146,12 +146,12 @@ def _switched(o: Observed, rows: Bool, on: bool) -> Observed:
     return replace(o, records=replace(o.records, active=active), unreduced=unreduced)
 
 
-def mostly_rejected_images(block: BundleInput, done: AdjustedBlock) -> list[int]:
+def mostly_rejected_images(rays: ImagePointRows | None, result: BundleResult) -> list[int]:
     """Images of which a search has rejected most image points, in a block of a sigma0 that chance does not explain."""
-    adjusted, rays, n = done.result.adjusted, block.rays, len(block.image_ids)
+    adjusted, n = result.adjusted, len(result.image_adjusted)
     if rays is None or not adjusted.sigma0 > max(MATTERS, sigma0_interval(max(adjusted.redundancy, 1), ALARM)[1]):
         return []
-    measured, used = (np.bincount(rays.image[rows], minlength=n) for rows in (rays.active, done.result.ray_used))
+    measured, used = (np.bincount(rays.image[rows], minlength=n) for rows in (rays.active, result.ray_used))
     images: list[int] = np.flatnonzero(2 * used < measured)[:MOST_TRIED].tolist()
     return images
 
