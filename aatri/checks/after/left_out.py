@@ -17,10 +17,18 @@ from aatri.arrays import Bool, Float
 from aatri.checks.finding import Finding
 from aatri.checks.limits import RESECTING, RESECTING_ACROSS
 from aatri.observations.control import KIND as CONTROL
-from aatri.observations.poses import POINT, POSE
+from aatri.observations.geodetic.distances import KIND as DISTANCE
+from aatri.observations.poses import POINT, POSE, position
 from aatri.observations.positions import KIND as POSITION
+from aatri.observations.relative.differences import DISTANCE as RELATIVE
 from aatri.orientation.bundle.block import BundleInput, touched_points
 from aatri.orientation.bundle.result import BundleResult
+from aatri.units import FOOT_M
+
+UNIT = "check both against the ground; convert those that are not in metres"
+OTHER_UNITS = {FOOT_M: "feet", 1 / FOOT_M: "feet", 1000.0: "mm", 1e-3: "mm", 100.0: "cm", 0.01: "cm"}
+SAME_UNIT = 0.01
+"""A distance this near to one in another unit, as a share of it, is in that unit."""
 
 OTHER_IMAGE = "check the numbers of their points, their camera, and whether the measurements are of another image"
 
@@ -79,6 +87,32 @@ def left_out_alike(result: BundleResult, explained: Container[str] = ()) -> list
             remedy = "declare `vertical` of the frames, or `undulation`, or leave the constant open: "
             remedy += "positions: {drift: shift, per: block}"
             findings.append(Finding("left_out", "warning", text, remedy, contradicts=True))
+    return findings
+
+
+def lengths_in_other_units(result: BundleResult) -> list[Finding]:
+    """Rejected distances that fit in another unit; of which it is, theirs or the control's, nothing tells."""
+    state, findings = result.adjusted.state, list[Finding]()
+    for adjusted in result.observations:
+        o = adjusted.observed
+        rows = adjusted.rows[~adjusted.used[adjusted.rows]]
+        if (
+            o.kind not in (DISTANCE, RELATIVE)
+            or not len(rows)
+            or not {g for g, _ in o.records.touches} <= {POINT, POSE}
+        ):
+            continue
+        start, end = (position(state, group)[block[rows]] for group, block in o.records.touches)
+        length_m = np.linalg.norm(end - start, axis=1)
+        ratio = (length_m - o.records.evaluate(state, rows)[0][:, 0]) / length_m
+        for factor, unit in OTHER_UNITS.items():
+            fitting = rows[np.abs(ratio / factor - 1.0) < SAME_UNIT]
+            if len(fitting):
+                text = (
+                    f"{o.kind}: rejected, and {factor:.4g} times what the block has: they, or control and positions, "
+                )
+                ids = tuple(o.label(row) for row in fitting.tolist())
+                findings.append(Finding("left_out", "warning", f"{text}are in another unit ({unit})", UNIT, ids=ids))
     return findings
 
 

@@ -14,7 +14,7 @@ from aatri.checks.after.few_rays import points_of_few_rays
 from aatri.checks.after.groups import contradicts, wrong_groups
 from aatri.checks.after.hidden_distortion import hidden_distortion
 from aatri.checks.after.hinge_image import hinge_images
-from aatri.checks.after.left_out import left_out, left_out_alike
+from aatri.checks.after.left_out import left_out, left_out_alike, lengths_in_other_units
 from aatri.checks.after.parameters import moved_cameras, parameter_findings
 from aatri.checks.after.rejections import two_objects
 from aatri.checks.after.sigma0 import sigma0
@@ -75,6 +75,7 @@ def findings_after(
         *result.notes,
         *([] if wrong else left_out_alike(result, {one.group.kind for one in groups if one.left_out})),
         *left_out(inputs, result),
+        *lengths_in_other_units(result),
         *points_at_infinity(inputs, result),
         *points_of_few_rays(result),
         *exchanged_marks(source.block, source.image_points, result.poses, result.xyz_m),
