@@ -214,9 +214,9 @@ def _give_sigmas(tables: JoinedParts, not_stated: NotStated, reporter: Reporter)
         points["sigma_mm"] = _image_sigma_mm(tables, not_stated)
     if ground:
         is_ground = np.isin(ground["role"], (CONTROL, CHECK))
-        lacking = _fill(ground["covariance_m2"], np.asarray(not_stated.control_sigma))
-        if (lacking & is_ground.any(axis=1)).any() and any(not_stated.control_sigma):
-            reporter.log(f"control without a standard deviation: {list(not_stated.control_sigma)} m is taken")
+        if (_fill(ground["covariance_m2"], np.asarray(not_stated.control_sigma)) & is_ground.any(axis=1)).any():
+            text = "control without a standard deviation: {} m is taken (`control_sigma`; 0 is exact)"
+            reporter.log(text.format(list(not_stated.control_sigma)))
     if not exterior:
         return
     observed = exterior["position_use"] == OBSERVED_VALUE

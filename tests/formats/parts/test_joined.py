@@ -88,6 +88,13 @@ def test_control_comes_before_a_start_value_whichever_file_is_first() -> None:
     assert not heard.warnings
 
 
+def test_control_that_is_taken_as_exact_is_told() -> None:
+    told = "control without a standard deviation: [0.0, 0.0, 0.0] m is taken (`control_sigma`; 0 is exact)"
+    for role in (CONTROL, [[APPROXIMATE] * 3]):
+        _, heard = join(images("a", "b"), camera("cam"), ground("control.txt", "p0", role=role))
+        assert (told in heard.logs) == (role == CONTROL)
+
+
 def test_two_controls_of_a_point_that_differ_are_an_error_with_both_places() -> None:
     first, second = ground("a.txt", "p0", role=CONTROL), ground("b.txt", "p0", z=5.25, role=CHECK)
     with pytest.raises(InputError, match=r"b.txt:1: ground point p0 is given otherwise in a.txt:1, by up to 0.25"):
