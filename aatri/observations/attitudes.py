@@ -18,16 +18,12 @@ group
 
     dv/dd = dv/dw B',    dv/db = -dv/dw R_pred J(b),    dw a turn of R_pred from the left
 
-Source: docs/formulas.md 5.6; Baeumker and Heimes 2001 (OEEPE), calibration of IMU and camera.
+All three angles and some of them differ in v and in dv/dw, the derivatives for a turn dw:
 
-Differences between the attitude of an image and its observed angles, and their derivatives:
+    all three angles    v = G^-1 log(R_pred R_obs'),    dv/dw = G^-1 J(w)^-1,    w = log(R_pred R_obs')
+    some of them        v = a(R_pred) - a_observed,     dv/dw = G(a)^-1
 
-    all three angles    v = G^-1 log(R_pred R_obs'),    dv = G^-1 J(w)^-1 dw,    w = log(R_pred R_obs')
-    some of them        v = a(R_pred) - a_observed,     dv = G(a)^-1 dw
-
-for a turn dw of R_pred from the left: all three as a rotation vector expressed in the angles, good in any attitude; a
-heading or kappa alone as that angle of the image. G are the axes about which the angles turn, J is the left Jacobian
-of the rotation group. Source: docs/formulas.md 5.6; Sola 2018 for J.
+Source: docs/formulas.md 5.6; Sola 2018 for J; Baeumker and Heimes 2001 (OEEPE), calibration of IMU and camera.
 """
 
 from __future__ import annotations

@@ -116,10 +116,12 @@ def described(problem: IndexedProblem, vector: Float) -> OpenCombination:
     shares.sort(key=lambda share: -share[0])
     largest = max((own for _, own, *_ in shares), default=0.0)
     members = [share for share in shares if share[0] > NAMED**2 * shares[0][0] or share[1] > NAMED * largest][:5]
-    names = dict.fromkeys(u.name for _, _, u, *_ in members)
-    text = " with ".join(
-        _of_group([(u, k, large) for _, _, u, k, large in members if u.name == name]) for name in names
-    )
+    alike: dict[tuple[str, frozenset[int]], list[tuple[Unknowns, int, list[int]]]] = {}
+    for name in dict.fromkeys(u.name for _, _, u, *_ in members):
+        for _, _, u, scalar, large in members:
+            if u.name == name:
+                alike.setdefault((name, frozenset(large)), []).append((u, scalar, large))
+    text = " with ".join(map(_of_same_blocks, alike.values()))
     return OpenCombination(
         text or "unknowns of no group",
         unknowns=tuple((u.labels[scalar], u.name) for *_, u, scalar, _ in members),
@@ -127,8 +129,8 @@ def described(problem: IndexedProblem, vector: Float) -> OpenCombination:
     )
 
 
-def _of_group(members: Sequence[tuple[Unknowns, int, list[int]]]) -> str:
-    """Labels of one group, and the blocks that have them: `rotation about X, X0 of image 7, 8`."""
-    u, blocks = members[0][0], list(dict.fromkeys(k for *_, large in members for k in large))
+def _of_same_blocks(members: Sequence[tuple[Unknowns, int, list[int]]]) -> str:
+    """Labels of one group, and the blocks that have all of them: `rotation about X, X0 of image 7, 8`."""
+    u, _, blocks = members[0]
     labels = ", ".join(u.labels[scalar] for _, scalar, _ in members)
     return f"{labels} of {u.name} {shown((str(u.ids[k]) for k in blocks), 4)}"

@@ -13,8 +13,6 @@ A scale counts as different from 1, or from another, where chance does not expla
 a block together) and where it matters. With a redundancy below `ESTIMABLE` a class keeps its standard deviations,
 unless the residuals of its kind tell by their cofactors together that they are wrong:
 
-Source: Huber 1981, Robust Statistics, 5 (M-estimates of scale); Foerstner 1979 (redundancy numbers of groups).
-
 A small class is thirteen control points, say. Where its standard deviations are a fifth of the true ones the others
 give way, the redundancy of the class is next to nothing, and the size of its residuals says little: their
 *distribution* does. With errors of s times the standard deviations given its whitened residuals v, of cofactor R (of
@@ -28,7 +26,8 @@ chi-square of one degree at `ALARM`, either way, and gross errors do not explain
 v_j'R_jj^-1 v_j, of all components of the record or of one, and costs the quantile of chi-square of so many degrees at
 `ALARM` (`SEPARABLE` of another kind).
 
-Source: Patterson and Thompson 1971 (restricted maximum likelihood); Koch 1986 (variance components).
+Source: Huber 1981, Robust Statistics, 5 (M-estimates of scale); Foerstner 1979 (redundancy numbers of groups);
+Patterson and Thompson 1971 (restricted maximum likelihood); Koch 1986 (variance components).
 """
 
 from dataclasses import dataclass

@@ -29,17 +29,18 @@ from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.units import FOOT_M, about, decimals, digits
 
 LENGTHS = {"": 1.0, " in mm": 1e-3, " in cm": 1e-2, " in dm": 0.1, " in feet": FOOT_M}
-
 BLOCK_SHIFT = "positions: {drift: shift, per: block}"
 DRIFT = "`positions: {drift: %s, per: %s}` estimates it"
 SHRINKS = "`interior_orientation: affine` for film that shrinks"
-
 RADIAL = (
     "estimate it (`self_calibration: {set: brown_conrady, per: {camera: [k1]}}`) or calibrate the lens; height control "
     "inside the block, observed positions or oblique images hold the bend"
 )
-
-MOVED = "a rolling shutter (`readout_s`) and shadows, leaves, water that move (`mask`) look alike"
+OTHER_CAMERA = (
+    "give its images a camera of their own (`camera` of images.csv); another lens, a rolling shutter (`readout_s`) and "
+    "shadows, leaves, water that move (`mask`) look alike"
+)
+MOVED = "is it a rolling shutter (`readout_s`), or did shadows, leaves, water move (`mask` of images.csv)?"
 
 
 def contradicts(accepted: AcceptedGroup, moved_cameras: Container[str] = ()) -> bool:
@@ -125,10 +126,8 @@ def _height_of_positions(g: Group) -> tuple[str, str]:
 
 def _drift_of_positions(g: Group) -> tuple[str, str]:
     shift, drift = _values(g.value[:3], g.sigma[:3]), _values(g.value[3:], g.sigma[3:])
-    text = (
-        f"observed positions{_whose(g)} are off together, by {shift} m in X, Y, Z in the middle and by {drift} m more"
-    )
-    return f"{text} at the end", DRIFT % ("linear", g.per)
+    text = f"observed positions{_whose(g)} are off together, by {shift} m in X, Y, Z in the middle and by "
+    return f"{text}{drift} m more at the end", DRIFT % ("linear", g.per)
 
 
 def _lever_arm(g: Group) -> tuple[str, str]:
@@ -213,7 +212,7 @@ def _ask(g: Group) -> str:
 
 def _lens(g: Group) -> str:
     if g.per in (STRIP, LINE):
-        return f"give its images a camera of their own (`camera` of images.csv); another lens, {MOVED}"
+        return OTHER_CAMERA
     if g.loosens:
         return "check it, or give it a larger standard deviation, by which it is estimated"
     return "check it, or estimate it (`self_calibration`)"

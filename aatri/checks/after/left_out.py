@@ -1,10 +1,11 @@
 """What takes no part in an adjustment.
 
-Seen: images, points and observations that are in the block and not in the result.
+Seen: images, points and observations that are in the block and not in the result; distances in another unit.
 Test: none for most; they are named. Image points go with their image or point. Images that show `RESECTING` adjusted
 points and more, which do not lie along a line, have no orientation in which these fit. Control, or positions, of which
 all are left out are off by the same where their n differences lie as near to each other as chance has it once in a
-thousand blocks: (spread / size)^(n - 1), for each coordinate of both kinds.
+thousand blocks: (spread / size)^(n - 1), for each coordinate of both kinds. Rejected distances are in another unit
+where they are the length in the block times the factor of a unit (`OTHER_UNITS`), to `SAME_UNIT`.
 """
 
 from collections.abc import Container
@@ -104,15 +105,15 @@ def lengths_in_other_units(result: BundleResult) -> list[Finding]:
             continue
         start, end = (position(state, group)[block[rows]] for group, block in o.records.touches)
         length_m = np.linalg.norm(end - start, axis=1)
-        ratio = (length_m - o.records.evaluate(state, rows)[0][:, 0]) / length_m
+        with np.errstate(invalid="ignore"):  # ends that coincide have no direction, and no derivatives
+            value_m = length_m - o.records.evaluate(state, rows)[0][:, 0]
         for factor, unit in OTHER_UNITS.items():
-            fitting = rows[np.abs(ratio / factor - 1.0) < SAME_UNIT]
+            fitting = rows[np.abs(value_m - factor * length_m) < SAME_UNIT * factor * length_m]
             if len(fitting):
-                text = (
-                    f"{o.kind}: rejected, and {factor:.4g} times what the block has: they, or control and positions, "
-                )
+                text = f"rejected distances are {factor:.4g} times the length in the block: distances, or control and "
+                text += f"positions, are in another unit ({unit})"
                 ids = tuple(o.label(row) for row in fitting.tolist())
-                findings.append(Finding("left_out", "warning", f"{text}are in another unit ({unit})", UNIT, ids=ids))
+                findings.append(Finding("left_out", "warning", text, UNIT, ids=ids, where=o.kind))
     return findings
 
 

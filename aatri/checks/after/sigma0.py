@@ -86,18 +86,19 @@ def sigma0(
     remedy = REMEDY if note.level == "warning" else ""
     of_all = Finding("sigma0", note.level, note.text, remedy, statistic=test.sigma0)
     largest = "" if searched else _standing_out(result)
-    text = f"nothing was looked for (`blunders: none`){largest}"
+    text = f"no gross errors were looked for (`blunders: none`){largest}"
     return [of_all, Finding("sigma0", "warning", text, LOOK)] if largest else [of_all]
 
 
 def _standing_out(result: BundleResult) -> str:
-    """The observations in use whose tests stand out of the others, the largest first."""
-    state, limit = (
-        result.adjusted.state,
-        limit_of_tests(result.adjusted.observations) * max(1.0, result.adjusted.sigma0),
-    )
-    tests = [(o.observed, np.where(o.used, tests_of(o, state), np.nan)) for o in result.observations]
-    out = sorted(
-        ((w[k], o.kind, o.label(k)) for o, w in tests for k in np.flatnonzero(w > limit).tolist()), reverse=True
-    )
-    return "; largest tests: " * bool(out) + ", ".join(f"{kind} {name} {w:.3g} sigma" for w, kind, name in out[:MOST])
+    """The observations in use whose tests stand out of the others, the largest first; empty where none do."""
+    state, sigma0 = result.adjusted.state, max(1.0, result.adjusted.sigma0)
+    limit = limit_of_tests(result.adjusted.observations) * sigma0
+    out: list[tuple[float, int, int]] = []
+    for number, o in enumerate(result.observations):
+        w = np.where(o.used, tests_of(o, state), np.nan)
+        out += [(float(w[row]), number, row) for row in np.flatnonzero(w > limit).tolist()]
+    if not out:
+        return ""
+    largest = [(w, result.observations[number].observed, row) for w, number, row in sorted(out, reverse=True)[:MOST]]
+    return "; largest tests: " + ", ".join(f"{o.kind} {o.label(row)} {w:.3g} sigma" for w, o, row in largest)

@@ -20,6 +20,7 @@ from scipy.special import chdtr, chdtrc
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
 from aatri.adjustment.statistics.global_test import GlobalTest, global_test
+from aatri.arrays import Float
 from aatri.checks.finding import Finding
 from aatri.checks.limits import COMPUTED, FAR_MORE_EXACT, LEAST_KIND_REDUNDANCY, SIGMAS_FACTOR, SIGMAS_LEVEL
 from aatri.observations.control import KIND as CONTROL
@@ -69,20 +70,25 @@ def more_exact_than_images(inputs: BundleInput, result: BundleResult, scale: flo
         Of the standard deviations of image points in use over those given.
     """
     on_ground, findings = scale * on_ground_m(inputs.rays, inputs.poses, inputs.xyz_m), list[Finding]()
-    for adjusted in result.observations:
-        kind, sigma_m = adjusted.observed.kind, adjusted.records.sigmas()[adjusted.used]
-        sigma_m = sigma_m[np.isfinite(sigma_m) & (sigma_m > 1.01 * NEARLY_EXACT)]
-        if kind not in (CONTROL, POSITION) or not len(sigma_m):
-            continue
-        ratio = on_ground / float(np.median(sigma_m))
-        if ratio > FAR_MORE_EXACT:
-            text = f"standard deviations are {about(float(np.median(sigma_m)))} in the median, an image point has "
-            text += (
-                f"{about(on_ground)} on the ground, {ratio:.0f} times as much: errors of {kind} below that are in no "
-            )
-            text += "standard deviation of the result, and no test sees them"
+    for kind in (CONTROL, POSITION):
+        sigma_m = np.concatenate(
+            [np.zeros(0), *(_inexact_m(o) for o in result.observations if o.observed.kind == kind)]
+        )
+        typical = float(np.median(sigma_m)) if len(sigma_m) else np.inf
+        if on_ground > FAR_MORE_EXACT * typical:
+            ratio = on_ground / typical
+            text = f"standard deviations of {about(typical)} are {ratio:.0f} times smaller than an image point on the "
+            text += f"ground ({about(on_ground)}): no test sees errors below that, and the result's standard "
+            text += "deviations do not contain them"
             findings.append(Finding("sigmas", "warning", text, UNIT, where=kind, statistic=ratio))
     return findings
+
+
+def _inexact_m(adjusted: AdjustedObservations) -> Float:
+    """Standard deviations of the coordinates in use, (k,), m; without exact ones, which have `NEARLY_EXACT` or none."""
+    a_priori = adjusted.observed.records.sigmas()
+    inexact = np.isfinite(a_priori) & ~np.isclose(a_priori, NEARLY_EXACT, rtol=1e-6, atol=0.0)
+    return np.asarray(adjusted.records.sigmas()[inexact & adjusted.used[:, None]])
 
 
 def _sentence(count: int, test: GlobalTest, factor: float) -> tuple[str, str]:

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from aatri.arrays import Bool, Float
-from aatri.geometry.similarity import closed_form, transform
+from aatri.geometry.similarity import IDENTITY, closed_form, transform
 from aatri.observations.control import KIND as CONTROL
 from aatri.orientation.bodies.datum_analysis import GivenPlaces
 from aatri.orientation.bodies.datum_start import COLLINEAR, looks_upwards, typical_distance
@@ -45,6 +45,7 @@ def agreeing_places(places: GivenPlaces, x: Float, body: FreeBody, up: Float | N
     if len(full) <= FEWEST:
         return None
     best, least = np.zeros(0, dtype=bool), np.inf
+    of_right = MISFIT_OF_RIGHT * typical_distance(body, IDENTITY)
     for chosen in _triples(len(full)):
         rows = full[list(chosen)]
         spread = np.linalg.svd(x[rows] - x[rows].mean(axis=0), compute_uv=False)
@@ -54,7 +55,7 @@ def agreeing_places(places: GivenPlaces, x: Float, body: FreeBody, up: Float | N
         if up is not None and looks_upwards(to, up):
             continue
         off = np.linalg.norm(transform(to, x[full]) - places.observed_m[full], axis=1)
-        share = off / (MISFIT_OF_RIGHT * typical_distance(body, to))
+        share = off / (to.scale * of_right)
         near = share <= 1.0
         disagreement = float(np.minimum(share, BEYOND).sum())
         if disagreement < least:

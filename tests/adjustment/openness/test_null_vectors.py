@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from aatri.adjustment.openness.open_directions import described
 from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.adjust import adjust_large
 from aatri.adjustment.structure import index_problem as preparation
@@ -56,3 +59,19 @@ def test_what_is_open_is_named_however_small_the_derivatives(recwarn: pytest.War
     with pytest.raises(GeometryError, match=r"leave 1 unknowns? open"):
         adjust_large([unknowns], [records], {"value": np.zeros((1, 2))})
     assert not recwarn.list
+
+
+@pytest.mark.parametrize(
+    ("vector", "text"),
+    [
+        ([[0.0, 1.0], [0.6, 0.9], [0.0, 0.0]], "b of image 7, 8 with a of image 8"),
+        ([[0.5, 0.9], [0.6, 0.8], [0.0, 0.0]], "b, a of image 7, 8"),
+    ],
+)
+def test_labels_share_their_blocks_in_a_text_only_where_these_are_the_same(
+    vector: list[list[float]], text: str
+) -> None:
+    unknowns = Unknowns("image", np.ones((3, 2), bool), ("a", "b"), ["7", "8", "9"], add_step)
+    layout = SimpleNamespace(columns=lambda name, size: np.arange(6).reshape(3, 2))
+    problem = SimpleNamespace(unknowns=(unknowns,), layout=layout)
+    assert described(problem, np.array(vector).ravel()).text == text  # type: ignore[arg-type]

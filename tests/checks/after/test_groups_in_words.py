@@ -34,3 +34,13 @@ def test_a_line_of_flight_that_asks_for_another_camera_is_offered_what_helps() -
     group = replace(GROUP, per="line of flight", unit="DJI_0018 to DJI_0023")
     (finding,) = wrong_groups((AcceptedGroup(group, False),), {}, {}, ())
     assert finding.remedy.startswith("give its images a camera of their own (`camera` of images.csv)")
+
+
+def test_a_line_of_flight_that_asks_for_an_affinity_is_asked_for_its_cause() -> None:
+    value, sigma = np.array([0.02, 0.01]), np.array([0.001, 0.001])
+    group = replace(GROUP, per="line of flight", unit="1 to 9", cause="affinity", value=value, sigma=sigma)
+    (finding,) = wrong_groups((AcceptedGroup(group, False),), {}, {}, ())
+    assert finding.remedy.endswith(
+        "; without film: is it a rolling shutter (`readout_s`), or did shadows, leaves, water move "
+        "(`mask` of images.csv)?"
+    )
