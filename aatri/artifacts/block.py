@@ -5,8 +5,8 @@ the input tables are, the columns here are in this order. NaN is *not given*. Ev
 line. Rows are in canonical order: ids by their bytes, measurements by image and point, so that the order of the input
 never matters.
 
-A Block comes with its tables: `block_tables` declares cameras, images and measurements, `block_tables` what is given
-of the ground. All are imported from here.
+A Block comes with its tables: `block_tables` declares cameras, images, measurements and what is given of the ground.
+All are imported from here.
 """
 
 from typing import ClassVar, Protocol

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, TypeAlias
@@ -103,12 +103,12 @@ MorePaths: TypeAlias = Annotated[
     ),
 ]
 Source: TypeAlias = Annotated[
-    BlockSource,
+    BlockSource | None,
     typer.Option(
         parser=one_of(BlockSource),
         autocompletion=complete(BlockSource),
         metavar="NAME",
-        help=f"Where the block comes from: {listed(BlockSource)}.",
+        help=f"Where the block comes from: {listed(BlockSource)}; without --from by default simulate.",
     ),
 ]
 OtherPrograms: TypeAlias = Annotated[
@@ -142,7 +142,7 @@ Plugin: TypeAlias = Annotated[
 def new(
     folder: Annotated[Path, typer.Argument(autocompletion=complete_path, help="Folder to write to.")] = Path(),
     paths: MorePaths = None,
-    block: Source = BlockSource.simulate,
+    block: Source = None,
     sources: OtherPrograms = None,
     lens_misfit: Misfit = None,
     set_: SourceSettings = None,
@@ -153,15 +153,21 @@ def new(
     if plugin is not None:
         from aatri.cli.new_plugin import plugin_files
 
+        if paths or sources or block or set_ or without or lens_misfit is not None:
+            raise SpecError("--plugin beside a block", remedy="one call for the stage, another for the pipeline")
         _write(plugin_files(plugin, folder))
         narrate(f"next: pytest {folder / 'tests'}, then aatri run --local-plugins with `use: {plugin}`")
         return
     if paths and not sources and (len(paths) > 1 or block is not BlockSource.photos):
         raise SpecError(f"a second path, {paths[-1]}", remedy="--from takes several, --block photos one")
-    if sources and block is not BlockSource.simulate:
+    if sources and block is not None:
         raise SpecError(f"--block {block} beside --from", remedy="--from reads what there is: leave --block out")
-    if (set_ or without) and not sources:
-        raise SpecError("--set and --without go with --from", remedy="or change the pipeline.yaml that is written")
+    if (set_ or without or lens_misfit is not None) and not sources:
+        what = "--set, --without and --lens-misfit go with --from"
+        raise SpecError(what, remedy="or change the pipeline.yaml that is written")
+    if sources:
+        _check_folder(folder, sources)
+    block = block or BlockSource.simulate
     written = folder / "pipeline.yaml"
     if sources:
         from aatri.cli.new_from import pipeline_from
@@ -179,6 +185,25 @@ def new(
     complete = sources or paths or block in (BlockSource.simulate, BlockSource.sample)
     fill = "" if complete else f"your data, as the head of {written} says, then aatri check{where}, then "
     narrate(f"next: {fill}aatri run{where}")
+
+
+def _check_folder(folder: Path, sources: Sequence[Path]) -> None:
+    """Refuse what looks like another source as the folder to write to: of `--from A B` the command line takes B so."""
+    if folder == Path() or (folder / "pipeline.yaml").exists():
+        return
+    if folder.is_file():
+        what = "is a file, not a folder to write to"
+    elif any(folder.resolve() in path.resolve().parents for path in sources) or not _has_files(folder):
+        return
+    else:
+        what = "holds files, but no pipeline.yaml, and none of the files after --from"
+    remedy = "FOLDER comes before --from: `aatri new FOLDER --from A B C`; to write into this folder, change to it"
+    raise SpecError(what, where=str(folder), remedy=remedy)
+
+
+def _has_files(folder: Path) -> bool:
+    entries = [path for path in folder.iterdir() if not path.name.startswith(".")] if folder.is_dir() else []
+    return any(path.is_file() for path in entries) or any(_has_files(path) for path in entries)
 
 
 def _refuse_as_a_run(pipeline: Path) -> None:
@@ -264,5 +289,5 @@ def _have_positions(photographs: Path) -> bool:
     from aatri.formats.registry.sources import read_source
 
     parts = read_source(photographs, Reading(format="photos"), NARRATED)
-    narrate(f"{photographs}: {', '.join(counted(parts))}")
+    narrate(f"{photographs}: {', '.join(counted(parts)) or 'nothing of a block'}")
     return bool(parts.exterior)

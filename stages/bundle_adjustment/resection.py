@@ -8,7 +8,7 @@ in `initial` get a closed robust start (three-point problem) from the known poin
 direct linear transformation. Points that are not known take no part, and are named. Observed positions and attitudes
 of the images take part as in the bundle.
 
-Source: Kraus, Photogrammetry 1; aatri/orientation/bundle/partial.py, orientation/resection/start.py, linear.py.
+Source: Kraus, Photogrammetry 1; aatri/orientation/bundle/partial.py, orientation/resection/start.py.
 """
 
 from typing import Literal

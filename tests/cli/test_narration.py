@@ -271,4 +271,6 @@ def test_reading_that_takes_long_tells_how_far_it_is(
     NARRATED.progress(1, 3, "photographs")
     monkeypatch.setattr("aatri.cli.terminal.console.PROGRESS_S", -1.0)
     NARRATED.progress(2, 3, "photographs")
-    assert capsys.readouterr().err == "photographs 2 of 3\n"
+    NARRATED.progress(5, 10)
+    NARRATED.progress(0, 0, "pairs")
+    assert capsys.readouterr().err == "photographs 2 of 3\n5 of 10\npairs\n"

@@ -59,8 +59,6 @@ def test_several_files_may_follow_one_from(tmp_path: Path) -> None:
     assert "tracks.csv" in text
     assert "reconstruction.json" in text
     assert "aatri export RUN:block tables FOLDER" in text
-    assert "a second path" in invoked("new", tmp_path / "o", tmp_path / "a", tmp_path, "--block", "photos").stderr
-    assert "leave --block out" in invoked("new", tmp_path / "o", "--from", folder, "--block", "film").stderr
 
 
 def test_photographs_without_attitudes_have_positions(tmp_path: Path) -> None:

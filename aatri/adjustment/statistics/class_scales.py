@@ -73,7 +73,7 @@ class ClassScales:
     estimable: Bool
     """(g,)."""
     tested: Bool | None = None
-    """(g,). Scales that have passed a test of their own (`class_scales`)."""
+    """(g,). Scales that have passed a test of their own (`small_class_scale`)."""
 
     @property
     def differing(self) -> Float:

@@ -105,7 +105,7 @@ class Narrated:
         """Tell how far it is, now and then."""
         if time.monotonic() - self._last_s > PROGRESS_S:
             self._last_s = time.monotonic()
-            narrate(f"{what} {done} of {total}")
+            narrate(f"{what} {done} of {total}".strip() if total else what)
 
 
 NARRATED = Narrated()

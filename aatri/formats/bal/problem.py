@@ -205,6 +205,8 @@ def write_bal_problem(
     ------
     InputError
         If a camera cannot be written as f, k1, k2.
+    ResourceError
+        If the file cannot be written.
     """
     block, rays = oriented.block, oriented.model_rays
     lenses, xy_px = centred_cameras(oriented, ["bundler"], reporter, allowed_px=writing.lens_misfit_px)

@@ -122,7 +122,7 @@ def _as_tuple(values: Any) -> Any:
 
 
 GEOID = "grid of the geoid above which its heights are, .tif or .gtx; null: as `vertical` says"
-"""What the option `not_stated` of a source is."""
+"""What the option `geoid` of a source is."""
 CONTROL_FILE = "of a PhotoModeler export: file of its control points; null: no control"
 """What the option `control` of a source is."""
 
@@ -204,7 +204,7 @@ class Format:
     """Writes files of this form; see `results.oriented_block`. Raises InputError where a camera or distortion has no
     like in it, ResourceError where a file cannot be written."""
     written: Sequence[Content] = ()
-    """What it writes; what else a block has is told by `registry.sources`."""
+    """What it writes; what else a block has is told by `registry.export`."""
     other_names: Sequence[str] = ()
     """What people call it besides."""
     estimates_cameras: bool = False

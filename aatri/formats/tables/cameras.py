@@ -46,7 +46,7 @@ def check_rigs_of_images(source: Source, table: CsvTable) -> None:
     rig, member = table.text["rig"], table.text["member"]
     if not any(rig) and not any(member):
         return
-    look_up(table, "rig", {name: k for k, name in enumerate(rigs)}, "rig", "add it to `cameras` in block.yaml")
+    look_up(table, "rig", {name: k for k, name in enumerate(rigs)}, "rig", "add it to `rigs` in block.yaml")
     table.complain(
         [k for k, name in enumerate(rig) if bool(name) != bool(member[k])],
         "rig",

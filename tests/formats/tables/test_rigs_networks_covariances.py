@@ -162,6 +162,7 @@ COVARIANCES = TABLES["covariances.csv"]
 BAD = {
     "unknown rig": (_replaced("images.csv", "2.5,R", "2.5,Q"), "images.csv:4:13", "rig 'Q' is unknown"),
     "unknown member": (_replaced("images.csv", "left", "lefd"), "images.csv:3:15", "did you mean 'left'"),
+    "rig to be added": (_replaced("images.csv", "1.5,R", "1.5,Q"), "images.csv:2:", "add it to `rigs` in block.yaml"),
     "rig without member": (_replaced("images.csv", "R,left", "R,"), "images.csv:3:", "both rig and member"),
     "member twice": (
         _replaced("images.csv", "2.5,R", "1.5,R"),
