@@ -24,7 +24,7 @@ class Plots:
         InputError, SpecError
             If matplotlib is not installed, or there is no such format.
         """
-        from aatri.formats.text.text_file import write_files
+        from aatri.formats.text.written_files import write_files
         from aatri.report.plotting import file_name, plotted
 
         files = {file_name(picture, form): plotted(picture, form) for picture in self.pictures.values()}

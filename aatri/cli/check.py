@@ -1,14 +1,10 @@
-"""`aatri check`: what a run would refuse, before it runs.
-
-The block is read as a run would read it, into a folder that is removed again.
-"""
+"""`aatri check`: what a run would refuse, before it runs."""
 
 from __future__ import annotations
 
 import functools
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,6 +14,7 @@ import typer
 
 from aatri.cli.arguments.completion import complete_run
 from aatri.cli.arguments.options import AsJson, Into, LocalPlugins, Methods, Settings, Variant
+from aatri.cli.block_reading import block_reading
 from aatri.cli.terminal.console import report_error, reports_errors, say, say_json, say_table
 from aatri.errors import AatriError, Errors, ResourceError
 from aatri.ids import amounts
@@ -29,54 +26,10 @@ if TYPE_CHECKING:
 
     _Wired = tuple[Spec, tuple[StageNode, ...]]
 
-
 BYTES_EACH = 30_000
 BYTES_PER_IMAGE_POINT = {"ImagePoints": 55, "Models": 85, "Strips": 85, "Solution": 125, "Evaluation": 15}
 """Room of a result by its kind, one is kept of each stage: measured at the demo (255 film images, 18,045 image points,
 3,704 points) and a block of 63 image points; without tests and covariances of points, which are asked for."""
-
-
-@dataclass
-class BlockReading:
-    """What the stages that read a block say; listens to their run."""
-
-    warnings: list[str] = field(default_factory=list)
-    """With the name of the stage."""
-    records: dict[str, Any] = field(default_factory=dict)
-    """By stage, of those that were made."""
-    error: AatriError | None = None
-    """What was refused."""
-
-    def warned(self, stage: str, message: str) -> None:
-        """Take a warning."""
-        self.warnings.append(f"{stage}: {message}")
-
-    def finished(self, record: Any) -> None:
-        """Take a record."""
-        self.records[record["stage"]] = record
-
-    def planned(self, *_: object) -> None:
-        """Drop it, as all that follows."""
-
-    started = logged = advanced = failed = planned
-
-
-def block_reading(spec: Spec, nodes: tuple[StageNode, ...], local: Path | None = None) -> BlockReading:
-    """Run the stages that read files, alone; those of `local` too, a folder of plugins."""
-    from aatri.pipeline.plan.decisions import Selection
-    from aatri.pipeline.run.runner import RunSettings, run_pipeline
-    from aatri.pipeline.run.task import StageSource
-
-    reading = BlockReading()
-    with tempfile.TemporaryDirectory() as folder:
-        elsewhere = replace(spec, run=Path(folder) / "run")
-        source = StageSource(local=local, runs_code=local is not None)
-        settings = RunSettings(Selection(frozenset(spec.sources)), source=source)
-        try:
-            run_pipeline(elsewhere, nodes, reading, settings)
-        except AatriError as error:
-            reading.error = error
-    return reading
 
 
 @dataclass
@@ -254,7 +207,8 @@ def _disk(spec: Spec, nodes: tuple[StageNode, ...], read: list[Mapping[str, Any]
 
 def _is_done(spec: Spec, nodes: tuple[StageNode, ...]) -> bool:
     """Whether a run would find nothing to do, which it may on a disk that it cannot write."""
-    from aatri.pipeline.plan.decisions import Selection, StoreView
+    from aatri.pipeline.plan.decisions import Selection
+    from aatri.pipeline.plan.view import StoreView
     from aatri.pipeline.run.overview import finished
 
     return finished(spec, nodes, lambda *_: None, Selection(), StoreView(spec.run)) is not None

@@ -72,14 +72,14 @@ def compare(
     compared = [read_run(folder, name) for folder, name in zip(folders, _names(folders))]
     options, metrics = option_rows(compared), metric_rows(compared)
     if form:
-        from aatri.cli.terminal.figures import key_figures, pasted
+        from aatri.cli.terminal.key_figures import key_figures, pasted
 
         if form not in ("markdown", "csv"):
             raise SpecError(f"no form {form!r}", remedy="markdown or csv")
         say(pasted(*key_figures(compared), form))
         return
     if page is not None:
-        from aatri.cli.terminal.figures import key_figures
+        from aatri.cli.terminal.key_figures import key_figures
 
         changed = [line for run in compared[1:] for line in _parting_lines(compared[0], run)]
         write_page(page, compared, [key_figures(compared), _values_table("option", compared, options)], changed)
@@ -115,7 +115,7 @@ def _plain_comparison(compared: list[Compared], options: Rows, metrics: Rows) ->
 def _say_figures(compared: list[Compared], options: Rows, metrics: Rows, *, everything: bool) -> None:
     """Key figures of two runs, options, and figures: those that differ are counted, all are shown where asked for."""
     from aatri.cli.terminal.compare_tables import shown_value
-    from aatri.cli.terminal.figures import say_key_figures
+    from aatri.cli.terminal.key_figures import say_key_figures
 
     if len(compared) == 2:
         say_key_figures(compared)
@@ -194,7 +194,7 @@ def _plain(split: Parting | None) -> dict[str, Any] | None:
 def write_page(path: Path, runs: Sequence[Compared], tables: Sequence[Table], changed: Sequence[str]) -> None:
     """Write the key figures, what was changed, and every picture that one of the runs has, a column a run."""
     from aatri.cli.run_ending import judgement
-    from aatri.formats.text.text_file import write_files
+    from aatri.formats.text.written_files import write_files
     from aatri.report.page import seen_in
     from aatri.report.questions import gallery
 

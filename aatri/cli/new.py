@@ -211,7 +211,7 @@ def _refuse_as_a_run(pipeline: Path) -> None:
 
     The pipeline stays, as an option or an edit in it may be the remedy.
     """
-    from aatri.cli.check import block_reading
+    from aatri.cli.block_reading import block_reading
     from aatri.pipeline.methods.catalogue import Catalogue
     from aatri.pipeline.methods.compile_kernels import without_compiler
     from aatri.pipeline.plan.graph import wire

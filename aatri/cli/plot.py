@@ -42,7 +42,7 @@ def plot(
     ] = Path(),
 ) -> None:
     """Draw pictures of the report by matplotlib, each as a file."""
-    from aatri.formats.text.text_file import write_files
+    from aatri.formats.text.written_files import write_files
     from aatri.report.page import seen_in
     from aatri.report.plotting import file_name, plotted
     from aatri.report.questions import gallery

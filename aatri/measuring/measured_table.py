@@ -18,7 +18,8 @@ from aatri.formats.tables.columns import TABLES
 from aatri.formats.text.csv_cells import cells_of, shielded, unshielded
 from aatri.formats.text.csv_table import read_csv
 from aatri.formats.text.number_text import number_of
-from aatri.formats.text.text_file import read_bytes, read_lines, write_files
+from aatri.formats.text.text_file import read_bytes, read_lines
+from aatri.formats.text.written_files import write_files
 
 
 class ChangedMeanwhile(ResourceError):

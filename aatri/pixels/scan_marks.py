@@ -4,109 +4,22 @@
 
 A film lies in a scanner in four ways, on either side, so that calibrated marks may lie at eight sets of places. Each
 place is looked at once; only windows of the file are read.
-
-Pictures of marks, drawn with antialiased edges, their centre in the middle of the picture.
-
-cross   two strokes of a width, as long as the mark        dot    a disc        ring   a disc without its inner part
-
-In its window a mark is sought by correlation with its template, turned by some degrees, then by least squares.
-
-    r(p) = correlation of template and window, of either sign where the scan may be a negative
-
-The verdict is what the second best place says: a mark is found where the best is like the template and clearly better
-than any other place of the window.
-
-Source: Gonzalez & Woods, Digital Image Processing (correlation); Gruen 1985 (least squares).
 """
 
 import json
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.features import FoundMarks, ScanMarks
-from aatri.extras import of_extra
-from aatri.pixels.least_squares_matching import least_squares_match, part_shifts
+from aatri.pixels.drawn_marks import drawn
+from aatri.pixels.mark_search import best_place
 from aatri.pixels.reading import TIFF, Samples, check_content, size_px, whole_image, window
-
-TURNS_DEG = (0.0, -4.0, 4.0)
-COARSE_PX = 24
-"""Side to which a larger template is reduced to find its place."""
 
 FEWEST = 3
 """Marks of a transformation with redundancy."""
 ALIKE_MM = 0.01
 """Difference of residuals that says nothing of which way the film lay."""
-
-
-@dataclass(frozen=True)
-class MarkFound:
-    """The best place of a mark in a window."""
-
-    xy_px: Float
-    """(2,). From the centre of the first pixel of the window; NaN where least squares does not settle."""
-    sigma_px: Float
-    """(2,)."""
-    correlation: float
-    """With the template at the best place, after least squares; negative: a negative of it."""
-    second: float
-    """Correlation at the next best place, as a share of that of the best, both before least squares."""
-
-
-def best_place(window: Float, template: Float, *, negative: bool | None) -> MarkFound:
-    """The best place of a mark.
-
-    Parameters
-    ----------
-    window : (h, w) float64
-    template : (n, n) float64
-        n odd.
-    negative : bool, optional
-        Whether the window is a negative of the template; None: either.
-    """
-    cv2 = of_extra("cv2", "images")
-    cv2.setNumThreads(1)
-    lost = MarkFound(np.full(2, np.nan), np.full(2, np.nan), 0.0, 1.0)
-    step = max(1, len(template) // COARSE_PX)
-    small, reduced = _reduced(window, step), _reduced(template, step)
-    if min(small.shape) <= max(reduced.shape):
-        return lost
-    maps = []
-    for turn in TURNS_DEG:
-        M = cv2.getRotationMatrix2D(((len(reduced) - 1) / 2,) * 2, turn, 1.0)
-        turned = cv2.warpAffine(
-            reduced, M, reduced.shape[::-1], flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
-        r = cv2.matchTemplate(small, turned, cv2.TM_CCOEFF_NORMED)
-        maps.append(-r if negative else r if negative is False else np.abs(r))
-    r = np.nan_to_num(np.max(maps, axis=0))
-    row, column = np.unravel_index(int(r.argmax()), r.shape)
-    best, turn = float(r[row, column]), TURNS_DEG[int(np.argmax([m[row, column] for m in maps]))]
-    if best <= 0:
-        return lost
-    near = max(2, len(reduced) // 3)
-    others = r.copy()
-    others[max(0, row - near) : row + near + 1, max(0, column - near) : column + near + 1] = 0
-    second = float(others.max()) / best
-    centre = (np.array([column, row]) + (len(reduced) - 1) / 2) * step + (step - 1) / 2
-    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
-    fine = least_squares_match(window, template, centre, "similarity", np.array([[c, s], [-s, c]]))
-    if (
-        fine is None
-        or np.abs(fine.xy_px - centre).max() > len(template) / 4
-        or not 0.7 < np.linalg.det(fine.linear) < 1.4
-    ):
-        return MarkFound(lost.xy_px, lost.sigma_px, best, second)
-    return MarkFound(fine.xy_px, fine.sigma_px(part_shifts([fine])), fine.correlation, second)
-
-
-def _reduced(picture: Float, step: int) -> Float:
-    """A picture by means of step x step pixels, single precision."""
-    h, w = (n // step for n in picture.shape)
-    blocks = picture[: h * step, : w * step].reshape(h, step, w, step)
-    return np.asarray(blocks.mean(axis=(1, 3)), dtype=np.float32)
 
 
 def scan_marks(path: str, picture: str, content: str, settings: str) -> ScanMarks:
@@ -233,38 +146,3 @@ def _fit(film_mm: Float, scan_mm: Float, like: Bool, limit_mm: float) -> tuple[B
             return used, float(np.sqrt((residual**2).mean()))
         used[np.flatnonzero(used)[int(residual.argmax())]] = False
     return np.zeros(len(used), dtype=bool), np.inf
-
-
-Shape = Literal["cross", "dot", "ring"]
-FINE = 8
-"""Parts of a pixel along each side in which it is drawn."""
-BLUR_PX = 1.0
-"""Of film and scanner, standard deviation."""
-MARGIN = {"cross": 1.0, "dot": 1.4, "ring": 1.4}
-"""Side of the picture in sizes of the mark. A disc needs its background to be found; of a cross the corners of the
-picture must not reach beyond the dark ground that it stands on, which is seldom much larger."""
-
-
-def drawn(shape: Shape, size_px: float, stroke_px: float) -> Float:
-    """A mark, 1 on 0, (n, n) with n odd.
-
-    Parameters
-    ----------
-    size_px : float
-        Length of the strokes, or diameter.
-    stroke_px : float
-        Width of the strokes, or of the ring.
-    """
-    half = int(np.ceil(MARGIN[shape] * size_px / 2)) + 1
-    side = 2 * half + 1
-    at = (np.arange(side * FINE) + 0.5) / FINE - side / 2
-    x, y = np.meshgrid(at, at)
-    r, largest = np.hypot(x, y), np.maximum(abs(x), abs(y))
-    inside = {
-        "cross": (np.minimum(abs(x), abs(y)) < stroke_px / 2) & (largest < size_px / 2),
-        "dot": r < size_px / 2,
-        "ring": (r < size_px / 2) & (r > size_px / 2 - stroke_px),
-    }[shape]
-    from scipy.ndimage import gaussian_filter
-
-    return np.asarray(gaussian_filter(inside.reshape(side, FINE, side, FINE).mean(axis=(1, 3)), BLUR_PX))

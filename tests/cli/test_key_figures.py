@@ -9,7 +9,7 @@ import pytest
 
 from aatri.cli.compare import _figure
 from aatri.cli.terminal.compare_tables import shown_value
-from aatri.cli.terminal.figures import key_figures, pasted, say_key_figures
+from aatri.cli.terminal.key_figures import key_figures, pasted, say_key_figures
 from aatri.pipeline.plan.compare import Compared, option_rows
 from aatri.report.drawing.picture import Marks, Picture
 

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from aatri.pipeline.methods.catalogue import Catalogue
-from aatri.pipeline.plan.decisions import Plan, StoreView, plan, select
+from aatri.pipeline.plan.decisions import Plan, plan, select
 from aatri.pipeline.plan.graph import StageNode, wire
+from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.runner import RunSettings, run_pipeline
 from aatri.pipeline.run.task import StageSource
 from aatri.pipeline.spec.overrides import with_set, with_use, with_variant

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.solution import Iterations
-from aatri.report.drawing.matrices import iterations_chart, residual_histogram, sigma0_chart
+from aatri.report.drawing.charts import iterations_chart, residual_histogram, sigma0_chart
 from tests.made_solutions import made_block, made_solution
 
 

@@ -17,9 +17,9 @@ from aatri.artifacts.solution import ParameterCovariances, Parameters, Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.limits import FEWEST_CELLS
 from aatri.report.drawing.matrices import correlation_pictures
+from aatri.report.drawing.overlays import FEW
 from aatri.report.drawing.picture import Marks, Picture
 from aatri.report.drawing.plan import block_plan, footprints, seen_from
-from aatri.report.drawing.rays import FEW
 from aatri.report.drawing.scales import Scale, log_scale, near, plan_of, round_below, thinned
 from aatri.report.drawing.svg import drawn, text
 from aatri.report.drawing.ties import common_points, intersection_angles, overlap_picture, sigma_pictures

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
     from aatri.pipeline.methods.catalogue import Catalogue
     from aatri.pipeline.methods.compile_kernels import Compilation
-    from aatri.pipeline.plan.decisions import Plan, Selection, StoreView
+    from aatri.pipeline.plan.decisions import Plan, Selection
     from aatri.pipeline.plan.graph import StageNode
+    from aatri.pipeline.plan.view import StoreView
     from aatri.pipeline.run.task import StageSource
     from aatri.pipeline.spec.pipeline_file import Spec
 
@@ -55,7 +56,7 @@ class Opened:
 
     def view(self, *, verify: bool = False) -> StoreView:
         """The store of its run."""
-        from aatri.pipeline.plan.decisions import StoreView
+        from aatri.pipeline.plan.view import StoreView
 
         return StoreView(self.spec.run, verify=verify)
 
@@ -172,7 +173,7 @@ def open_run(
     come from anyone. For the same reason the pipeline it names is only opened where it is that of its project. `set_`
     and `use` are added to what was asked for then.
     """
-    from aatri.pipeline.store.run_folder import is_of_this_run
+    from aatri.pipeline.store.known_runs import is_of_this_run
 
     path = run_or_pipeline(named)
     if not path.is_dir():

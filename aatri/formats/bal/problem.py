@@ -32,11 +32,12 @@ from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PIXEL_MM
 from aatri.formats.conventions.poses import stated_rotation, translation_of
 from aatri.formats.parts.format import AS_USUAL, Writing
-from aatri.formats.results.horizon import centred_cameras
 from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.results.sparse_rays import centred_cameras
 from aatri.formats.text.number_text import numbers_of
-from aatri.formats.text.text_file import read_lines, write_files
+from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import blank_separated
+from aatri.formats.text.written_files import write_files
 from aatri.geometry.collinearity import in_image_axes
 from aatri.geometry.rotations import angles_from_rotation, exp_rotation, log_rotation
 from aatri.ids import clipped, several

@@ -13,7 +13,7 @@ from aatri.errors import GeometryError
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.results.exported_files import full_control, short_names
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.formats.text.text_file import write_files
+from aatri.formats.text.written_files import write_files
 from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
 

@@ -15,7 +15,7 @@ from aatri.formats.conventions.poses import stated_rotation
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.results.exported_files import ControlPoint, control_points
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.formats.text.text_file import element, write_files, xml_of
+from aatri.formats.text.written_files import element, write_files, xml_of
 from aatri.ids import several, shown
 from aatri.progress import SILENT, Reporter
 

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from aatri.errors import Faults, InputError, raise_all
-from aatri.formats.text.text_file import write_files
+from aatri.formats.text.written_files import write_files
 from aatri.ids import clipped, did_you_mean
 from aatri.strict_yaml import Document, load
 

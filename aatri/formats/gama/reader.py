@@ -14,7 +14,8 @@ import numpy as np
 from aatri.artifacts.block import APPROXIMATE, CONTROL, NO_ROLE, Block, Frames
 from aatri.artifacts.builder import Columns, block_of
 from aatri.errors import InputError
-from aatri.formats.gama.elements import GivenPoint, Network, Row, read_network
+from aatri.formats.gama.elements import read_network
+from aatri.formats.gama.network import GivenPoint, Network, Row
 from aatri.ids import canonical, clipped, shown
 from aatri.progress import SILENT, Reporter
 

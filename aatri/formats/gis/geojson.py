@@ -17,7 +17,7 @@ from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.parts.of_block import frame_of
 from aatri.formats.parts.one_frame import geographic
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.formats.text.text_file import write_files
+from aatri.formats.text.written_files import write_files
 from aatri.frames.conversion import WGS84, Frame, convert, crs_of
 from aatri.frames.heights import is_tangent_frame
 from aatri.progress import SILENT, Reporter

@@ -23,7 +23,7 @@ from aatri.formats.parts.block_parts import LOCAL
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.parts.of_block import frame_of
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.formats.text.text_file import element, write_files, xml_of
+from aatri.formats.text.written_files import element, write_files, xml_of
 from aatri.frames.conversion import Frame, crs_of
 from aatri.progress import SILENT, Reporter
 

@@ -21,7 +21,7 @@ from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.results.exported_files import control_points
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.text.csv_cells import shielded
-from aatri.formats.text.text_file import write_files
+from aatri.formats.text.written_files import write_files
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.progress import SILENT, Reporter
 

@@ -21,7 +21,7 @@ from aatri.formats.parts.of_block import frame_of
 from aatri.formats.results.exported_files import ControlPoint, control_points
 from aatri.formats.results.horizon import MovedBlock, in_other_frame
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.formats.text.text_file import element, numbers, write_files, xml_of
+from aatri.formats.text.written_files import element, numbers, write_files, xml_of
 from aatri.frames.conversion import crs_of
 from aatri.ids import shown
 from aatri.progress import SILENT, Reporter

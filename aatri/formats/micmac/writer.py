@@ -20,7 +20,7 @@ from aatri.formats.micmac.dialects import CONVENTION
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.results.exported_files import full_control
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.formats.text.text_file import element, numbers, write_files, xml_of
+from aatri.formats.text.written_files import element, numbers, write_files, xml_of
 from aatri.geometry.collinearity import in_image_axes
 from aatri.ids import shown
 from aatri.progress import SILENT, Reporter

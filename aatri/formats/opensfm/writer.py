@@ -19,7 +19,7 @@ from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.results.exported_files import ControlPoint, control_points
 from aatri.formats.results.horizon import Horizon, in_horizon
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.formats.text.text_file import write_files
+from aatri.formats.text.written_files import write_files
 from aatri.geometry.rotations import log_rotation
 from aatri.ids import shown
 from aatri.progress import SILENT, Reporter

@@ -22,7 +22,7 @@ from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.parts.of_block import frame_of
 from aatri.formats.results.exported_files import ControlPoint, control_points
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.formats.text.text_file import write_files
+from aatri.formats.text.written_files import write_files
 from aatri.frames.conversion import Frame, crs_of
 from aatri.frames.heights import is_tangent_frame
 from aatri.geometry.rotations import angles_from_rotation

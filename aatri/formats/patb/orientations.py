@@ -25,8 +25,9 @@ from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, AS_USUAL, FileView, Format, Reading, Writing
 from aatri.formats.results.exported_files import short_names
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.formats.text.text_file import read_lines, write_files
+from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, blank_separated, places
+from aatri.formats.text.written_files import write_files
 from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
 

@@ -15,11 +15,11 @@ from aatri.artifacts.builder import block_of
 from aatri.errors import AatriError, InputError, raise_all
 from aatri.formats.tables.cameras import camera_tables, rig_member_table
 from aatri.formats.tables.covariances import read_covariances
+from aatri.formats.tables.exterior import exterior_columns
 from aatri.formats.tables.geodetic import geodetic_columns
 from aatri.formats.tables.geographic import map_or_not, with_metric_frame
 from aatri.formats.tables.ground import Bodies, ground_point_columns, joined, without_bodies
 from aatri.formats.tables.images import fiducial_point_columns, image_columns, image_point_columns
-from aatri.formats.tables.positions import exterior_columns
 from aatri.formats.tables.relative_control import relative_control_tables
 from aatri.formats.tables.settings.block import Settings
 from aatri.formats.tables.settings.reading import read_settings

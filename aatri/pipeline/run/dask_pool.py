@@ -24,7 +24,7 @@ from aatri.pipeline.run.context import Tell
 from aatri.pipeline.run.dask_parts import DaskParts, memory_of
 from aatri.pipeline.run.task import Task, TaskOutcome, failed
 from aatri.pipeline.store import inside
-from aatri.pipeline.store.records import environment
+from aatri.pipeline.store.provenance import environment
 
 LOCAL = "local:"
 _MEMORY = re.compile(r"([0-9]+(?:\.[0-9]+)?)([GM])B")

@@ -12,9 +12,10 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from aatri.errors import ArtifactError
-from aatri.pipeline.plan.decisions import Plan, Selection, StoreView, plan
+from aatri.pipeline.plan.decisions import Plan, Selection, plan
 from aatri.pipeline.plan.graph import StageNode
 from aatri.pipeline.plan.unused import Unused, unused
+from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.spec.gates import judge
 from aatri.pipeline.spec.pipeline_file import Spec
 from aatri.pipeline.store import inside

@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from aatri.errors import AatriError, ResourceError, raise_all
-from aatri.pipeline.plan.decisions import Decision, Plan, Selection, State, StoreView, decide, plan
+from aatri.pipeline.plan.decisions import Decision, Plan, Selection, State, decide, plan
 from aatri.pipeline.plan.graph import StageNode
-from aatri.pipeline.plan.unused import check_inputs, unused
+from aatri.pipeline.plan.preconditions import check_inputs
+from aatri.pipeline.plan.unused import unused
+from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.overview import DONE, GATE_FAILED, cannot_be_written, finished, overview_of, plain_warnings
 from aatri.pipeline.run.task import StageSource, TaskOutcome, task_of
 from aatri.pipeline.run.workers import WorkerPool, pool
@@ -26,9 +28,10 @@ from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.events import Events
 from aatri.pipeline.store.inside import on_disk
+from aatri.pipeline.store.known_runs import remember
 from aatri.pipeline.store.lock import locked
-from aatri.pipeline.store.records import is_stage_name, now
-from aatri.pipeline.store.run_folder import remember
+from aatri.pipeline.store.provenance import now
+from aatri.pipeline.store.records import is_stage_name
 
 
 class Listener(Protocol):

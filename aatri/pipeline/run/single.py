@@ -7,9 +7,11 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from aatri.errors import ArtifactError, raise_all
-from aatri.pipeline.plan.decisions import Selection, StoreView, plan
+from aatri.pipeline.plan.decisions import Selection, plan
 from aatri.pipeline.plan.graph import StageNode
-from aatri.pipeline.plan.unused import check_inputs, unused
+from aatri.pipeline.plan.preconditions import check_inputs
+from aatri.pipeline.plan.unused import unused
+from aatri.pipeline.plan.view import StoreView
 from aatri.pipeline.run.overview import overview_of
 from aatri.pipeline.run.runner import Listener, RunSettings
 from aatri.pipeline.run.task import task_of

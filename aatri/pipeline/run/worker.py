@@ -28,7 +28,7 @@ from aatri.pipeline.store import inside
 from aatri.pipeline.store import run_folder as store
 from aatri.pipeline.store.inside import on_disk, write_json
 from aatri.pipeline.store.objects import commit_object, load_object
-from aatri.pipeline.store.records import environment, now
+from aatri.pipeline.store.provenance import environment, now
 from aatri.plugin import Options, StageCard
 from aatri.progress import Workers
 from aatri.tables.schema import Artifact

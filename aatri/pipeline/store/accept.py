@@ -16,7 +16,8 @@ from aatri.errors import ArtifactError, SpecError
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.inside import on_disk, write_json
 from aatri.pipeline.store.objects import base_of
-from aatri.pipeline.store.records import now, read_json
+from aatri.pipeline.store.provenance import now
+from aatri.pipeline.store.records import read_json
 
 _ACCEPTABLE = ("code", "version")
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.inside import on_disk
-from aatri.pipeline.store.records import now
+from aatri.pipeline.store.provenance import now
 
 
 class Events:

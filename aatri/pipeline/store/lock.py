@@ -20,7 +20,8 @@ from aatri.errors import ResourceError
 from aatri.pipeline.store import inside
 from aatri.pipeline.store.inside import on_disk
 from aatri.pipeline.store.objects import base_of
-from aatri.pipeline.store.records import now, read_json
+from aatri.pipeline.store.provenance import now
+from aatri.pipeline.store.records import read_json
 
 _BUSY = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)
 _NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.ENOTSUP)

@@ -3,21 +3,17 @@
 A file that parses may still be no record: of another shape, with numbers that JSON does not have (NaN, 1e999), with
 halves of characters, nested without end, or with names that lead elsewhere. All of it is told as one error,
 ArtifactError, so that readers of records need not ask again.
-
-When and with what a stage ran: kept in records beside the artifacts, never in their content.
 """
 
 import datetime
 import hashlib
 import json
 import math
-import platform
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from aatri import __version__
 from aatri.errors import ArtifactError
 from aatri.pipeline.store import inside
 
@@ -254,26 +250,3 @@ _FAILURE: dict[str, Check] = {
     "ended": _text,
     "key": _optional(_text),
 }
-
-
-def now() -> str:
-    """The time in UTC, ISO 8601, to the second."""
-    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-
-
-def environment() -> dict[str, str]:
-    """Versions that numbers may depend on, the system and the host."""
-    import h5py
-    import numpy as np
-    import scipy
-
-    return {
-        "aatri": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "h5py": h5py.__version__,
-        "hdf5": h5py.version.hdf5_version,
-        "system": platform.platform(),
-        "host": platform.node(),
-    }

@@ -11,9 +11,6 @@
     RUN/items/STAGE/KEY.h5                        results of single images and pairs, see `run.items`
 
 A stage that is to be made again loses its place in `current` before it starts, so that no stale result is shown.
-
-Its run.json can come from anyone, and name any file: the pipeline lies in a folder above the run, which is one project;
-or the user has made the run on this machine, of which a note is kept in the user's cache.
 """
 
 from __future__ import annotations
@@ -28,7 +25,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from aatri.errors import ArtifactError, SpecError
 from aatri.pipeline.store import inside
-from aatri.pipeline.store.cache import Cache, cache_folder, file_sha256
+from aatri.pipeline.store.cache import file_sha256
 from aatri.pipeline.store.inside import on_disk
 from aatri.pipeline.store.inside import write_json as write_json
 from aatri.pipeline.store.objects import OBJECTS, artifact_file, artifact_of, base_of, load_object
@@ -38,34 +35,12 @@ from aatri.pipeline.store.records import read_overview as read_overview
 if TYPE_CHECKING:
     from aatri.tables.schema import Artifact
 
-
-SUFFIXES = (".yaml", ".yml")
-
 A = TypeVar("A", bound="Artifact")
 
 KEPT_ATTEMPTS = 3
 _FOLDERS = ("current", "previous", "failed", "running")
 _FILES = (".lock", "run.json", "events.jsonl", "report.html")
 _NAMES = {*_FOLDERS, *_FILES, "objects", "variants", "checkpoints", "items", "accepted"}
-
-
-def _notes() -> Cache:
-    return Cache(cache_folder() / "runs.json")
-
-
-def remember(run: Path, pipeline: str) -> None:
-    """Note that the user runs this pipeline into this folder."""
-    notes, place = _notes(), os.path.realpath(run)
-    if pipeline and notes.get(place) != os.path.realpath(pipeline):
-        notes.put(place, os.path.realpath(pipeline))
-        notes.save()
-
-
-def is_of_this_run(run: Path, pipeline: Path) -> bool:
-    """Whether a pipeline that a run.json names may be opened."""
-    real, place = Path(os.path.realpath(pipeline)), Path(os.path.realpath(run))
-    in_project = real.parent in place.parents and real.suffix in SUFFIXES
-    return in_project or _notes().get(str(place)) == str(real)
 
 
 def begin(run: Path, overview: Mapping[str, Any]) -> None:

@@ -10,7 +10,7 @@ from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.ids import several
-from aatri.report.drawing.matrices import counts_chart
+from aatri.report.drawing.charts import counts_chart
 from aatri.report.drawing.picture import Marks, Picture, steps_of
 from aatri.report.drawing.plan import footprints, ground_positions, image_positions
 from aatri.report.drawing.rays import measured_on_ground_m, used_rays

@@ -14,7 +14,7 @@ from aatri.artifacts.evaluation import (
     StripErrors,
 )
 from aatri.ids import rows_of
-from aatri.report.drawing.matrices import growth_charts
+from aatri.report.drawing.charts import growth_charts
 from aatri.report.drawing.picture import Picture
 from aatri.report.drawing.plan import ground_positions, rejected_control
 from aatri.report.drawing.vectors import bars, both

@@ -7,7 +7,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution, StripTransformations
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import natural_order, rows_of
-from aatri.report.drawing.matrices import residual_histogram
+from aatri.report.drawing.charts import residual_histogram
 from aatri.report.drawing.picture import Picture
 from aatri.report.drawing.vectors import MOST_STRIPS, both, image_vectors, tie_pictures
 from aatri.report.sections.parts import PageSection, Surroundings, present

@@ -15,8 +15,9 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.errors import AatriError
 from aatri.pixels.reading import reduced_jpeg
+from aatri.report.drawing.overlays import ImagePair, cells_picture, pair_picture
 from aatri.report.drawing.picture import Picture
-from aatri.report.drawing.rays import ImagePair, cells_picture, pair_picture, rays_in_use
+from aatri.report.drawing.rays import rays_in_use
 from aatri.report.sections.tables import MOST_ROWS, Columns, PageTable, all_rows
 
 LONGEST_PX = 900

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from aatri.pipeline.plan import decisions
+from aatri.pipeline.plan import view
 from aatri.pipeline.plan.decisions import State, plan
 from aatri.pipeline.store import run_folder as store
 from tests.made_up_stages import write_pipeline
@@ -22,13 +22,13 @@ def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def states(path: Path) -> dict[str, State]:
     spec, nodes = opened(path)
-    planned = plan(nodes, decisions.StoreView(spec.run), spec.seed)
+    planned = plan(nodes, view.StoreView(spec.run), spec.seed)
     return {decision.stage: decision.state for decision in planned.decisions}
 
 
 def test_after_a_run_no_artifact_is_read_to_know_that_it_is_whole(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run(path)
-    monkeypatch.setattr(decisions, "file_sha256", None)
+    monkeypatch.setattr(view, "file_sha256", None)
     assert states(path) == {"r": State.fresh, "t": State.fresh}
 
 
@@ -51,7 +51,7 @@ def test_where_file_times_are_whole_seconds_artifacts_are_read_again(
     of_file, read = cache.stat_of, list[Path]()
     digest = cache.file_sha256
     monkeypatch.setattr(cache, "stat_of", lambda p: [t // 10**9 * 10**9 if t > 10**12 else t for t in of_file(p)])
-    monkeypatch.setattr(decisions, "file_sha256", lambda p: read.append(p) or digest(p))
+    monkeypatch.setattr(view, "file_sha256", lambda p: read.append(p) or digest(p))
     run(path)
     read.clear()
     assert states(path) == {"r": State.fresh, "t": State.fresh}

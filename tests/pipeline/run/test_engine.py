@@ -184,7 +184,8 @@ def test_every_damage_is_found_and_mended(path: Path) -> None:
 def test_an_accepted_change_of_code_lets_results_stand(path: Path) -> None:
     from dataclasses import replace
 
-    from aatri.pipeline.plan.decisions import StoreView, plan
+    from aatri.pipeline.plan.decisions import plan
+    from aatri.pipeline.plan.view import StoreView
 
     run(path)
     spec, nodes = opened(path)

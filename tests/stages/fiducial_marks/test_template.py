@@ -11,8 +11,9 @@ import pytest
 from aatri.adapters.interior.image_pixels import from_first_pixel, pixel_matrices, with_fiducials
 from aatri.artifacts.block import Block
 from aatri.errors import InputError
+from aatri.pixels.drawn_marks import drawn
+from aatri.pixels.mark_search import best_place
 from aatri.pixels.reading import whole_image
-from aatri.pixels.scan_marks import best_place, drawn
 from aatri.stages.fiducial_marks.template import TemplateOptions, template
 from tests.made_scans import MARKS, PIXEL_MM, SIZE, Array, scan, scanned_block
 from tests.stages.film_blocks import Told

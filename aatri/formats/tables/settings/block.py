@@ -10,7 +10,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from aatri.formats.tables.settings.camera import CameraSettings, Positive, Rig, ThreeSigmas, YamlSection
+from aatri.formats.tables.settings.camera import CameraSettings, Rig
+from aatri.formats.tables.settings.sections import Positive, ThreeSigmas, YamlSection
 from aatri.units import ANGLE_RAD, LENGTH_M, LENGTH_MM, TIME_S
 
 AXES = ({"east", "north", "up"}, {"x", "y", "z"}, {"latitude", "longitude", "height"})

@@ -1,15 +1,21 @@
-"""Cameras of block.yaml, and rigs of them: keys, types, units and defaults.
-
-Here too is what all sections of block.yaml share, strict mappings and kinds of numbers: unknown keys are errors, keys
-that start with `x_` are ignored.
-"""
+"""Cameras of block.yaml, and rigs of them: keys, types, units and defaults."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from aatri.formats.tables.settings.sections import (
+    FaultAt,
+    FreeSigma,
+    Positive,
+    Three,
+    ThreeFreeSigmas,
+    Two,
+    TwoPositive,
+    YamlSection,
+)
 from aatri.ids import clipped, did_you_mean, several
 
 PARAMETERS = {
@@ -26,47 +32,6 @@ PARAMETERS = {
 
 VECTORS = {"principal_point": "xy", "symmetry_point": "xy", "lever_arm": "xyz", "boresight": "xyz"}
 """Camera parameters of several components; a component is called `principal_point.x`."""
-
-
-def broadcast(value: Any) -> Any:
-    """One number for three."""
-    return [value] * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-def pair(value: Any) -> Any:
-    """One number for two."""
-    return [value] * 2 if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-Positive = Annotated[float, Field(gt=0)]
-Sigma = Annotated[float, Field(ge=0)]
-Two = Annotated[list[float], Field(min_length=2, max_length=2)]
-TwoPositive = Annotated[list[Positive], BeforeValidator(pair), Field(min_length=2, max_length=2)]
-Three = Annotated[list[float], Field(min_length=3, max_length=3)]
-ThreeSigmas = Annotated[list[Sigma], BeforeValidator(broadcast), Field(min_length=3, max_length=3)]
-FreeSigma = Annotated[float, Field(ge=0, allow_inf_nan=True)]
-ThreeFreeSigmas = Annotated[list[FreeSigma], BeforeValidator(broadcast), Field(min_length=3, max_length=3)]
-
-
-class FaultAt(ValueError):
-    """A fault of one of the keys of the section that is checked."""
-
-    def __init__(self, what: str, *keys: str) -> None:
-        super().__init__(what)
-        self.keys = keys
-
-
-class YamlSection(BaseModel):
-    """A mapping of the file."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _without_own_keys(cls, value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: item for key, item in value.items() if not str(key).startswith("x_")}
-        return value
 
 
 def _zeros(n: int) -> Any:
