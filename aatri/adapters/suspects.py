@@ -214,7 +214,7 @@ def _all_left_out(block: Block, solution: Solution, staying: Bool, kind: str) ->
     else:
         positions = positions_of(block)
         row = positions.row[solution.images.oriented[positions.image]]
-    return len(suspects) > 1 and bool(np.isin(row, suspects.row).all())
+    return len(suspects) > 1 and len(row) > 0 and bool(np.isin(row, suspects.row).all())
 
 
 def _verdicts(done: AdjustedBlock, o: Observed, rows: Int) -> Text:

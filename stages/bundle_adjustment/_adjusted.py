@@ -44,7 +44,6 @@ from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS
-from aatri.orientation.bundle.from_afar import Restarts
 from aatri.orientation.bundle.groups.candidates import MARK
 from aatri.orientation.bundle.groups.group import Group
 from aatri.orientation.bundle.groups.search import SEVERAL, AcceptedGroup
@@ -118,7 +117,7 @@ def adjusted_bundle(
         inputs, share = inputs_with(suspects, doubted)
     left_out, _ = inherited(block, initial, taken_back=not searched, groups_back=False)
     staying_out = left_out.verdict != suspects.verdict
-    adjust = with_one_factor(partial(adjusted, options=options, context=context, restarts=Restarts()))
+    adjust = with_one_factor(partial(adjusted, options=options, context=context))
     try:
         done, groups, components = adjusted_block(source, inputs, options, adjust)
         fits = done.result.adjusted.sigma0 * done.scale <= MAX_SIGMA0

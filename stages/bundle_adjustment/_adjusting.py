@@ -73,8 +73,10 @@ def adjusted_block(
 ) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...], VarianceComponents | None]:
     """The adjusted block after all that the options ask for, the groups that the search found, variance components.
 
-    `adjust` makes one adjustment of a block, by `AdjustOptions` that may be given.
+    `adjust` makes one adjustment of a block, by `AdjustOptions` that may be given; other starts are counted block by
+    block.
     """
+    adjust = partial(adjust, restarts=Restarts())
     done, groups = _searched(source, inputs, options, adjust)
     done = with_converged_terms(done, adjust, partial(adjust, adjusting=AdjustOptions(covariances=False)))
     done, components = with_variance_components(source.block, done, adjust, options.variance_components)
@@ -111,7 +113,8 @@ def _searched(
             return searched_again(block, in_all, adjust, failure)
         if searching.method != "none" and (images := mostly_rejected_images(block.rays, done.result)):
             fits = float(np.sqrt(MUCH_LESS * (1.0 + done.result.adjusted.sigma0**2))) * done.scale
-            if without := without_wrong_image(block, in_all, adjust, fits, images):
+            without = without_wrong_image(block, in_all, adjust, fits, images)
+            if without is not None and without[0].result.adjusted.sigma0 * without[0].scale <= fits:
                 return without
         most = options.max_sigma0
         if most is None or searching.method == "none" or groups or not done.result.adjusted.sigma0 * done.scale > most:
@@ -143,10 +146,12 @@ def with_one_factor(adjust: Callable[..., BundleResult]) -> Callable[..., Bundle
     """
     close: list[Callable[[], None]] = []
 
-    def once(block: BundleInput, adjusting: AdjustOptions = AdjustOptions()) -> BundleResult:
+    def once(
+        block: BundleInput, adjusting: AdjustOptions = AdjustOptions(), restarts: Restarts | None = None
+    ) -> BundleResult:
         while close:
             close.pop()()
-        result = adjust(block, adjusting)
+        result = adjust(block, adjusting, restarts=restarts)
         if result.adjusted.factored is not None:
             close.append(result.adjusted.factored.factor.clear)
         return result

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
+from aatri.adapters.solution import suspect_rows
 from aatri.adapters.suspects import inherited
+from aatri.observations.control import control_of
 from tests.stages.chain import run_chain, simulated
 
 
@@ -18,3 +23,16 @@ def test_some_positions_that_are_wrong_stay_out_though_the_strip_block_adjusts_n
     assert not len(initial.residuals.of_kind("position"))
     suspects, _ = inherited(chain.block, initial)
     assert suspects.verdict[suspects.kind == "position"].tolist() == ["rejected", "rejected"]
+
+
+@pytest.mark.slow(after=1)
+def test_control_of_which_all_is_out_is_tested_as_a_group_and_nothing_where_none_is_placed() -> None:
+    flight = {"strips": 2, "images_per_strip": 5}
+    chain = run_chain(simulated(3, preset="rc30", flight=flight, ties={"new_points": 150}))
+    row = control_of(chain.block).row
+    names = chain.block.points.id[chain.block.ground_points.point[row]]
+    out = suspect_rows("absolute_orientation", "control", row=row, image=np.full(len(row), ""), point=names)
+    initial = replace(chain.strip_block, suspects=out)
+    assert (inherited(chain.block, initial)[0].verdict == "readmitted").all()
+    points = replace(initial.points, xyz_m=np.full_like(initial.points.xyz_m, np.nan))
+    assert (inherited(chain.block, replace(initial, points=points))[0].verdict == "rejected").all()

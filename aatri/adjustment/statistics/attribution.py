@@ -111,7 +111,6 @@ def _explained(records: BlockRecords, suspected: Bool) -> Explanation:
                 ((i, j), free[:, i] & free[:, j]) for i, j in combinations(np.flatnonzero(free.any(axis=0)).tolist(), 2)
             ]
             choices += [((j,), left[:, j] & few.firm[:, j]) for j in range(k)]
-            choices = [(choice, may) for choice, may in choices if may.any()]  # of 500 rays there are 125,000 pairs
             out[missing], unclear[missing] = _least(few, left, choices)
         keep[todo] &= ~out
         undecided[todo] |= unclear

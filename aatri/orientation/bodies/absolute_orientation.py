@@ -257,19 +257,29 @@ def _joined_and_oriented(
         try:
             part, more = oriented_part(block_strips, component, what, settings)
         except (ConvergenceError, GeometryError) as error:
-            may_begin = joining.level and isinstance(error, GeometryError)
-            begun = begun_part(block_strips, free, component, error, what, settings) if may_begin else None
-            if begun is None:
-                failed.append((component, what, error))
-                continue
-            part, more = begun
+            failed.append((component, what, error))
+            continue
         parts.append(part)
         notes += more
-    others = failed if weakly or not any(free.weak) else []
-    together = parts_together(block_strips, parts, others, settings) if others else {}
-    parts += [part for part, _ in together.values()]
-    notes += [note for _, of_part in together.values() for note in of_part]
-    left = [one for k, one in enumerate(failed) if k not in together]
+
+    def beside_each_other(failed: list[Failed]) -> list[Failed]:
+        together = parts_together(block_strips, parts, failed, settings) if failed else {}
+        parts.extend(part for part, _ in together.values())
+        notes.extend(note for _, of_part in together.values() for note in of_part)
+        return [one for k, one in enumerate(failed) if k not in together]
+
+    may_share = weakly or not any(free.weak)
+    failed = beside_each_other(failed) if may_share else failed
+    left = list[Failed]()
+    for component, what, failure in failed:
+        may_begin = joining.level and isinstance(failure, GeometryError)
+        begun = begun_part(block_strips, free, component, failure, what, settings) if may_begin else None
+        if begun is None:
+            left.append((component, what, failure))
+            continue
+        parts.append(begun[0])
+        notes += begun[1]
+    left = beside_each_other(left) if may_share and len(left) < len(failed) else left
     for part in parts:
         notes += [*height_notes(block_strips.ground.block, part.result, part.what), *part_notes(part)]
     # Strips tied weakly that stand on control of their own are meant to; without it they are lost.

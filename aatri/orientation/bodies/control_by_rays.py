@@ -32,7 +32,7 @@ class ControlByRays:
     apart: Int
     """(k,). Rows of the rays that meet in these points, and of those that do not."""
     apart_mm: Float
-    """(k,), mm. By how much."""
+    """(k,), mm. By how much; NaN where the point lies behind the image."""
 
 
 def control_by_rays(
@@ -66,12 +66,13 @@ def control_by_rays(
             meeting.append(meeting_rows)
     points, met_rows = np.flatnonzero(finite_rows(xyz)), np.concatenate(meeting)
     apart = np.setdiff1d(rows[np.isin(rays.point[rows], rays.point[met_rows])], met_rows)
+    apart_mm = residuals_mm(rays, apart, body.poses, xyz)
     return ControlByRays(
         replace(component, point=points, xyz=xyz[points], covariance=covariance[points]),
         replace(body, xyz=xyz, covariance=covariance),
         met_rows,
         apart,
-        residuals_mm(rays, apart, body.poses, xyz),
+        np.where(np.isfinite(apart_mm), apart_mm, np.nan),
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.orientation.bundle.groups.failed_search import mostly_rejected_images
+from aatri.orientation.bundle.groups.failed_search import MOST_RAYS_TRIED, mostly_rejected_images
 
 
 @pytest.mark.parametrize(("sigma0", "redundancy", "images"), [(1.0, 500, []), (1.3, 4, []), (1.5, 500, [2])])
@@ -23,3 +23,17 @@ def test_they_are_named_where_the_rest_does_not_fit(sigma0: float, redundancy: i
     adjusted = SimpleNamespace(sigma0=sigma0, redundancy=redundancy)
     result: Any = SimpleNamespace(adjusted=adjusted, ray_used=used, image_adjusted=np.ones(4, dtype=bool))
     assert mostly_rejected_images(rays, result) == images
+
+
+def test_images_without_a_start_and_those_of_large_blocks_are_not_asked_and_the_worst_comes_first() -> None:
+    image = np.repeat(np.arange(4), 10)
+    used = np.ones(40, dtype=bool)
+    used[:10] = used[10:16] = used[20:28] = False  # none, four, two of ten, all
+    adjusted = SimpleNamespace(sigma0=1.5, redundancy=500)
+    oriented = np.array([False, True, True, True])
+    result: Any = SimpleNamespace(adjusted=adjusted, ray_used=used, image_adjusted=oriented)
+    rays: Any = SimpleNamespace(image=image, active=np.ones(40, dtype=bool))
+    assert mostly_rejected_images(rays, result) == [2, 1]
+    many = np.tile(image, MOST_RAYS_TRIED // 40 + 1)
+    large: Any = SimpleNamespace(image=many, active=np.ones(len(many), dtype=bool))
+    assert mostly_rejected_images(large, result) == []

@@ -16,7 +16,7 @@ def test_few_points_at_a_time_give_the_same_rejections(monkeypatch: pytest.Monke
     errors = {"image_points": 0.03, "size_sigmas": [10, 200]}
     chain = run_chain(simulated(3, preset="rc30", flight={"strips": 2, "images_per_strip": 5}, gross_errors=errors))
     together = bundle(chain.block, chain.refined, chain.strip_block)
-    monkeypatch.setattr(points, "AT_ONCE", 3)
+    monkeypatch.setattr(points, "AT_ONCE", 30)
     monkeypatch.setattr(complete_start, "AT_ONCE", 50)
     in_pieces = bundle(chain.block, chain.refined, chain.strip_block)
     assert together.suspects.staying_out.sum() > 5

@@ -8,6 +8,7 @@ the others see it, and everything is looked at again, for the image of a point f
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,8 @@ from aatri.observations.poses import POINT, Poses
 
 PASSES = 3
 
-AT_ONCE = 20_000
-"""Points that are looked at together, 100 MB where they have twenty rays."""
+AT_ONCE = 400_000
+"""Records at points that are held together, with those that pad the smaller points; 30 MB of derivatives."""
 
 FAR = 1e9
 """Whitened residual of what cannot be seen from where the point stands."""
@@ -45,6 +46,12 @@ class Members:
     block: Int
     slot: Int
     """(r,) int64. `block` counts the points, ascending."""
+
+    def between(self, first: int, last: int) -> Members:
+        """Those of some points, one after the other."""
+        rows = slice(*np.searchsorted(self.block, [first, last]).tolist())
+        own = self.place[rows], self.row[rows], self.block[rows] - first, self.slot[rows]
+        return Members(self.points[first:last], *own)
 
     def of(self, padded: Bool) -> Bool:
         """From padded (n, k) to the records, (r,)."""
@@ -107,26 +114,30 @@ def explained(
     limit : tuple of (n,) float64
         |w| up to which each record agrees with the others.
     """
-    pieces = list[AtPoints]()
-    for first in range(0, max(len(points), 1), AT_ONCE):
-        piece = slice(first, first + AT_ONCE)
-        part = _of_piece(observed, native, state, points[piece], suspected[piece], limit)
-        pieces.append(replace(part, members=replace(part.members, block=part.members.block + first)))
-    members = (np.concatenate([getattr(p.members, name) for p in pieces]) for name in ("place", "row", "block", "slot"))
-    columns = (np.concatenate([getattr(p, name) for p in pieces]) for name in ("out", "undecided", "single", "xyz_m"))
-    return AtPoints(Members(points, *members), *columns)
+    members = members_of(observed, native, points, len(state[POINT]))
+    parts = [
+        _of_piece(observed, state, members.between(first, last), suspected[first:last], limit)
+        for first, last in pairwise(_edges(np.bincount(members.block, minlength=len(points))))
+    ]
+    columns = (np.concatenate([getattr(p, name) for p in parts]) for name in ("out", "undecided", "single", "xyz_m"))
+    return AtPoints(members, *columns)
+
+
+def _edges(records: Int) -> list[int]:
+    """Where pieces of points begin, and the last ends: of (n,) records, padded to the largest, `AT_ONCE` at most."""
+    edges, most = [0], 0
+    for k, count in enumerate(records.tolist()):
+        most = max(most, count)
+        if k > edges[-1] and most * (k + 1 - edges[-1]) > AT_ONCE:
+            edges.append(k)
+            most = count
+    return [*edges, len(records)]
 
 
 def _of_piece(
-    observed: tuple[Observed, ...],
-    native: tuple[Bool, ...],
-    state: State,
-    points: Int,
-    suspected: Bool,
-    limit: tuple[Float, ...],
+    observed: tuple[Observed, ...], state: State, members: Members, suspected: Bool, limit: tuple[Float, ...]
 ) -> AtPoints:
-    """The same of so many points that all their records, padded to those of the largest, are held at a time."""
-    members = members_of(observed, native, points, len(state[POINT]))
+    """The same of the records at some points, which are held together."""
     current: dict[str, Any] = dict(state)
     previous: Bool | None = None
     for _ in range(PASSES):
@@ -141,7 +152,7 @@ def _of_piece(
         members.of(explanation.out),
         members.of(explanation.undecided),
         explanation.single[members.block],
-        current[POINT][points],
+        current[POINT][members.points],
     )
 
 

@@ -147,12 +147,19 @@ def _switched(o: Observed, rows: Bool, on: bool) -> Observed:
 
 
 def mostly_rejected_images(rays: ImagePointRows | None, result: BundleResult) -> list[int]:
-    """Images of which a search has rejected most image points, in a block of a sigma0 that chance does not explain."""
+    """Images of which a search has rejected most image points, in a block of a sigma0 that chance does not explain.
+
+    Those that lost the largest share come first; none of a large block.
+    """
     adjusted, n = result.adjusted, len(result.image_adjusted)
-    if rays is None or not adjusted.sigma0 > max(MATTERS, sigma0_interval(max(adjusted.redundancy, 1), ALARM)[1]):
+    if rays is None or len(rays.image) > MOST_RAYS_TRIED:
+        return []
+    if not adjusted.sigma0 > max(MATTERS, sigma0_interval(max(adjusted.redundancy, 1), ALARM)[1]):
         return []
     measured, used = (np.bincount(rays.image[rows], minlength=n) for rows in (rays.active, result.ray_used))
-    images: list[int] = np.flatnonzero(2 * used < measured)[:MOST_TRIED].tolist()
+    share = np.where(result.image_adjusted, used / np.maximum(measured, 1), 1.0)
+    worst = np.argsort(share, kind="stable")[:MOST_TRIED]
+    images: list[int] = worst[share[worst] < 0.5].tolist()
     return images
 
 

@@ -158,12 +158,15 @@ def _agree(block: BundleInput, least_squares: BundleResult | None, limit: float,
     if least_squares is None:
         return False
     state, limit = least_squares.adjusted.state, limit * max(1.0, least_squares.adjusted.sigma0)
-    pairs = zip(least_squares.observations, block.observed)
-    # of images that these positions set aside nothing is used, and nothing tested
-    return not any(
-        _several(before, touched) and (~o.used | (tests_of(o, state) > limit))[before.rejected].any()
-        for o, before in pairs
-    )
+    for adjusted, before in zip(least_squares.observations, block.observed):
+        if _several(before, touched):
+            tests, blocks = tests_of(adjusted, state)[before.rejected], dict(before.records.touches)[touched]
+            aside = least_squares.set_aside.get(
+                touched, np.zeros(0, dtype=bool)
+            )  # by these positions; nothing tests them
+            if (tests > limit).any() or np.isin(blocks[before.rejected], np.flatnonzero(aside)).any():
+                return False
+    return True
 
 
 def _carried(
