@@ -21,6 +21,7 @@ def test_a_ray_whose_point_lies_behind_its_image_is_apart_by_no_number() -> None
     rotations[4] = np.diag([1.0, -1.0, -1.0])
     u = np.einsum("nji,nj->ni", rotations, -centres)
     xy_mm = -C_MM * u[:, :2] / u[:, 2:]
+    xy_mm[4] += 20.0  # its line would meet the others backwards
     image, ones = np.arange(5, dtype=np.int32), np.ones(5, dtype=bool)
     rays = ImagePointRows(image, 0 * image, xy_mm, np.full((5, 2), 0.005), np.full(5, C_MM), np.zeros((5, 2)), ones)
     none = np.zeros(0, dtype=np.int64)
