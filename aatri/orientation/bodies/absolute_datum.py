@@ -45,6 +45,9 @@ if TYPE_CHECKING:
 EXTRAPOLATION_WARNED = 3.0
 """Times that errors of control are magnified, beyond which this is a warning."""
 
+NAMED = 3
+"""Components, and strips that are not joined, that an error names."""
+
 Failed = tuple[Component, str, GeometryError | ConvergenceError]
 """A component, what messages call it, and why it is not oriented."""
 
@@ -268,3 +271,21 @@ def free_images(strips: Strips, component: Component) -> tuple[Float, Float, Int
         centres[of_strip] = transform(pose, table.position[rows[of_strip]])
         rotations[of_strip] = pose.rotation @ table.strip_from_image[rows[of_strip]]
     return centres, rotations, table.image[rows].astype(np.int64)
+
+
+def error_of_all(failed: Sequence[Failed], free: FreeBlock) -> GeometryError | ConvergenceError:
+    """What is raised where components are not oriented: the first of them by name, and what would help."""
+    errors = [error for _, _, error in failed]
+    open_components = [error.what for error in errors]
+    unjoined = [f"not joined: {text}" for text in free.unjoined]
+    texts = [*open_components[:NAMED], *unjoined[:NAMED]]
+    left = len(open_components) + len(unjoined) - len(texts)
+    texts += [f"and {left} more"] if left else []
+    remedies = [errors[0].remedy]
+    if len(free.components) > 1:
+        remedies.append("or measure at least 3 points common to the strips, not on a line")
+        remedies.append("or orient image by image, by initial_orientation/graph in place of the stages from models on")
+    if len(failed) < len(free.components):
+        remedies.append("or set `components: largest` to orient the rest")
+    kind = ConvergenceError if all(isinstance(error, ConvergenceError) for error in errors) else GeometryError
+    return kind("; ".join(texts), remedy="; ".join(remedies))

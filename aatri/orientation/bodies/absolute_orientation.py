@@ -17,6 +17,7 @@ from aatri.orientation.bodies.absolute_datum import (
     OrientedPart,
     StripsOfBlock,
     begun_part,
+    error_of_all,
     oriented_part,
     part_notes,
     parts_together,
@@ -30,9 +31,6 @@ from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
 
 MISFIT_SHARE = 4
 """One strip of so many may fit neither control nor the others, and one of fewer; more have another cause."""
-
-NAMED = 3
-"""Components, and strips that are not joined, that an error names."""
 
 CANDIDATES = 3
 """So many strips are tried, as a bent strip bends those it is joined to."""
@@ -223,7 +221,7 @@ def _oriented(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips:
     if not free.components:
         raise GeometryError("there are no strips to orient", remedy="see the gaps of the strip formation")
     if failed and (joining.every_component or not parts):
-        raise _all_of(failed, free)
+        raise error_of_all(failed, free)
     notes += [Note("warning", f"not oriented: {error.what}") for _, _, error in failed]
     return OrientedStrips(block_strips, tuple(parts), tuple(notes))
 
@@ -288,20 +286,3 @@ def _joined_and_oriented(
         for text, weak in zip(free.unjoined, free.weak)
     ]
     return free, parts, left, [*joined, *notes]
-
-
-def _all_of(failed: Sequence[Failed], free: FreeBlock) -> GeometryError | ConvergenceError:
-    errors = [error for _, _, error in failed]
-    open_components = [error.what for error in errors]
-    unjoined = [f"not joined: {text}" for text in free.unjoined]
-    texts = [*open_components[:NAMED], *unjoined[:NAMED]]
-    left = len(open_components) + len(unjoined) - len(texts)
-    texts += [f"and {left} more"] if left else []
-    remedies = [errors[0].remedy]
-    if len(free.components) > 1:
-        remedies.append("or measure at least 3 points common to the strips, not on a line")
-        remedies.append("or orient image by image, by initial_orientation/graph in place of the stages from models on")
-    if len(failed) < len(free.components):
-        remedies.append("or set `components: largest` to orient the rest")
-    kind = ConvergenceError if all(isinstance(error, ConvergenceError) for error in errors) else GeometryError
-    return kind("; ".join(texts), remedy="; ".join(remedies))

@@ -157,14 +157,12 @@ def _agree(block: BundleInput, least_squares: BundleResult | None, limit: float,
     """
     if least_squares is None:
         return False
-    state, limit = least_squares.adjusted.state, limit * max(1.0, least_squares.adjusted.sigma0)
+    limit *= max(1.0, least_squares.adjusted.sigma0)
     for adjusted, before in zip(least_squares.observations, block.observed):
         if _several(before, touched):
-            tests, blocks = tests_of(adjusted, state)[before.rejected], dict(before.records.touches)[touched]
-            aside = least_squares.set_aside.get(
-                touched, np.zeros(0, dtype=bool)
-            )  # by these positions; nothing tests them
-            if (tests > limit).any() or np.isin(blocks[before.rejected], np.flatnonzero(aside)).any():
+            blocks, tests = dict(before.records.touches)[touched], tests_of(adjusted, least_squares.adjusted.state)
+            untested = np.isin(blocks, np.flatnonzero(least_squares.set_aside.get(touched, [])))  # by these very ones
+            if (untested | (tests > limit))[before.rejected].any():
                 return False
     return True
 
