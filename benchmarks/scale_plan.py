@@ -24,7 +24,7 @@ import numpy as np
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.parts.cut import nodes_of_parts
 from aatri.adjustment.structure.graph import Graph, nested_dissection
-from aatri.adjustment.structure.layout import Tree, build_tree
+from aatri.adjustment.structure.tree import Tree, build_tree
 from aatri.adjustment.threads import one_blas_thread
 from aatri.arrays import Float, Int
 

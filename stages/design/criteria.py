@@ -6,7 +6,7 @@ The block is a planned one (block/simulate) and the bundle its adjustment with `
 figures depend on geometry and standard deviations, not on what was measured. `aatri design` puts the layouts of a
 pipeline file, its variants, side by side; state `sigma_m` and `distance_m` there, so that all meet the same criterion.
 
-Source: Baarda 1973; Grafarend 1974. See aatri/evaluation/layout_figures.py.
+Source: Baarda 1973; Grafarend 1974. See aatri/evaluation/design.py.
 """
 
 from aatri.artifacts.block import Block

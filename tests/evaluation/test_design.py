@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from aatri.evaluation.layout_figures import criterion_eigenvalue, gains, next_control
+from aatri.evaluation.design import criterion_eigenvalue, gains, next_control
 
 SIGMA_M = np.array([0.02, 0.02, 0.05])
 

@@ -30,7 +30,7 @@ from aatri.adjustment.stepping.adjusted import Adjusted, factor_of
 from aatri.adjustment.stepping.robust import refuse_covariances
 from aatri.adjustment.structure.index import part_columns
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
-from aatri.adjustment.structure.layout import FrontNode
+from aatri.adjustment.structure.tree import FrontNode
 from aatri.adjustment.structure.weights import taking_no_part
 from aatri.adjustment.threads import run_all, taken
 from aatri.adjustment.unknowns import State

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 
 from aatri.adjustment.elimination import lapack
 from aatri.adjustment.structure.graph import Graph, nested_dissection
-from aatri.adjustment.structure.layout import Tree, build_tree
+from aatri.adjustment.structure.tree import Tree, build_tree
 from aatri.arrays import Float, Int
 
 

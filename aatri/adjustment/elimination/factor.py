@@ -12,7 +12,7 @@ import numpy as np
 
 from aatri.adjustment.elimination.panels import Panels, down_the_tree
 from aatri.adjustment.others import JointSolution
-from aatri.adjustment.structure.layout import Tree
+from aatri.adjustment.structure.tree import Tree
 from aatri.arrays import Float
 from aatri.errors import ResourceError
 

@@ -26,7 +26,7 @@ from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.records import excess, whitened
 from aatri.adjustment.structure.index import KeptRecords
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
-from aatri.adjustment.structure.layout import FrontNode
+from aatri.adjustment.structure.tree import FrontNode
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float
 

@@ -20,7 +20,7 @@ from typing import Protocol
 import numpy as np
 
 from aatri.adjustment.elimination import lapack
-from aatri.adjustment.structure.layout import Tree
+from aatri.adjustment.structure.tree import Tree
 from aatri.arrays import Float
 from aatri.errors import ResourceError
 

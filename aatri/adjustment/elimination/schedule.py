@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
-from aatri.adjustment.structure.layout import FrontNode
+from aatri.adjustment.structure.tree import FrontNode
 from aatri.adjustment.threads import one_blas_thread, run_all, thread_control
 
 Result = TypeVar("Result")

@@ -27,7 +27,7 @@ from aatri.adjustment.elimination.schedule import Schedule
 from aatri.adjustment.iterative.preconditioner import piece_within, subtrees_within
 from aatri.adjustment.problem import Solver as Solver
 from aatri.adjustment.structure.indexed_problem import IndexedProblem, PartlyFactorised
-from aatri.adjustment.structure.layout import FrontNode
+from aatri.adjustment.structure.tree import FrontNode
 from aatri.errors import ResourceError, SpecError
 from aatri.ids import several
 from aatri.machine import memory_bytes

@@ -30,7 +30,7 @@ from aatri.adjustment.kernels.eliminate import RANK_TOLERANCE, eliminate
 from aatri.adjustment.records import excess
 from aatri.adjustment.structure.index import Parts
 from aatri.adjustment.structure.indexed_problem import IndexedProblem, PartlyFactorised
-from aatri.adjustment.structure.layout import Tree
+from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import one_blas_thread, run_all
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int, ranges

@@ -18,7 +18,7 @@ from aatri.adjustment.elimination.schedule import RAY_FLOPS
 from aatri.adjustment.records import Records
 from aatri.adjustment.stepping.runaways import Veto
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
-from aatri.adjustment.structure.layout import Tree
+from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.unknowns import Unknowns
 from aatri.arrays import Bool, Int
 

@@ -16,7 +16,7 @@ import numpy as np
 from aatri.adjustment.structure.graph import Graph, border_vertices
 from aatri.adjustment.structure.index_problem import Ordering, graph_of, tree_of
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
-from aatri.adjustment.structure.layout import Tree
+from aatri.adjustment.structure.tree import Tree
 from aatri.arrays import Bool, Float, Int
 
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from aatri.adjustment.kernels.graph import counting_order, lexical_order, sort_within
 from aatri.adjustment.records import Records, Weigh, prepared_lane
-from aatri.adjustment.structure.layout import Layout, Tree
+from aatri.adjustment.structure.layout import Layout
+from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import taken
 from aatri.adjustment.unknowns import Unknowns
 from aatri.arrays import Int, ranges

@@ -13,7 +13,8 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.structure.graph import Graph, OrderedNode, border_vertices, chain, nested_dissection
 from aatri.adjustment.structure.index import Parts, group_sizes, index_kept, index_rays, parts_of
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
-from aatri.adjustment.structure.layout import Layout, Tree, build_tree, layout_of, ray_records
+from aatri.adjustment.structure.layout import Layout, layout_of, ray_records
+from aatri.adjustment.structure.tree import Tree, build_tree
 from aatri.adjustment.structure.weights import with_parts_taken
 from aatri.adjustment.unknowns import Unknowns
 from aatri.arrays import Int

@@ -11,7 +11,8 @@ import numpy as np
 from aatri.adjustment.problem import Problem, SolverSettings
 from aatri.adjustment.records import Bind, Fill, Records, active_lane, prepared_lane
 from aatri.adjustment.structure.index import EliminatedRecords, KeptRecords
-from aatri.adjustment.structure.layout import Layout, Tree
+from aatri.adjustment.structure.layout import Layout
+from aatri.adjustment.structure.tree import Tree
 from aatri.adjustment.threads import default_threads, taken
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int

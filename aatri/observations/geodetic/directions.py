@@ -17,7 +17,7 @@ from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns, add_step
 from aatri.arrays import Float, Int, Text, finite_rows
 from aatri.notes import Note
-from aatri.observations.geodetic.distances import check_map, in_map
+from aatri.observations.geodetic.reduced import check_map, in_map
 from aatri.observations.geodetic.sights import (
     PLAN,
     Between,

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from aatri.arrays import Float
 from aatri.notes import Note
-from aatri.observations.geodetic.distances import NOTED
+from aatri.observations.geodetic.reduced import NOTED
 from aatri.observations.geodetic.sights import Measured, Sights, horizontal, observed_sights, sights_of, zenith
 from aatri.observations.level import Level
 from aatri.observations.observed import ObservationSource, Observed

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from aatri.adjustment.structure.graph import Graph, OrderedNode, chain, nested_dissection
-from aatri.adjustment.structure.layout import Tree, build_tree
 from aatri.adjustment.structure.minimum_degree import minimum_degree
+from aatri.adjustment.structure.tree import Tree, build_tree
 
 
 def _graph(n: int, edges: np.ndarray) -> Graph:

@@ -13,7 +13,7 @@ from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.frames.conversion import Frame
 from aatri.frames.tangent import tangent_frame
-from aatri.observations.geodetic.distances import in_map, on_ellipsoid
+from aatri.observations.geodetic.reduced import in_map, on_ellipsoid
 from aatri.observations.level import tangent_level
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.interior_orientation.calibrated import calibrated

@@ -11,10 +11,11 @@ from aatri.stages.bundle_adjustment.bundle import bundle
 from tests.stages.chain import run_chain, simulated
 
 
-@pytest.mark.slow(after=1)
+@pytest.mark.slow
 def test_few_points_at_a_time_give_the_same_rejections(monkeypatch: pytest.MonkeyPatch) -> None:
     errors = {"image_points": 0.03, "size_sigmas": [10, 200]}
-    chain = run_chain(simulated(3, preset="rc30", flight={"strips": 2, "images_per_strip": 5}, gross_errors=errors))
+    flight, ties = {"strips": 2, "images_per_strip": 5}, {"new_points": 150}
+    chain = run_chain(simulated(3, preset="rc30", flight=flight, ties=ties, gross_errors=errors))
     together = bundle(chain.block, chain.refined, chain.strip_block)
     monkeypatch.setattr(points, "AT_ONCE", 30)
     monkeypatch.setattr(complete_start, "AT_ONCE", 50)
