@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from aatri.errors import AatriError
-from aatri.formats.tables import geodetic, ground, images, positions
+from aatri.formats.tables import exterior, geodetic, ground, images
 from tests.acceptance.folder_files import Folder
 from tests.acceptance.rich_blocks import equations, made
 
@@ -221,7 +221,7 @@ def test_the_blocks_use_every_column() -> None:
         "image_points": images.IMAGE_POINTS,
         "fiducials": images.FIDUCIALS,
         "ground_points": ground.GROUND_POINTS,
-        "exterior": positions.EXTERIOR,
+        "exterior": exterior.EXTERIOR,
         "geodetic": geodetic.GEODETIC,
     }
     for table, known in declared.items():
