@@ -83,9 +83,10 @@ def export(
     path, stage = split_stage(what)
     run = find_run(path)
     name = run.stage(stage)["stage"] if stage else _last_solution(run)
-    warn_if_stale(path, name)
+    kind = _record(run, name)["output"]["kind"]
+    warn_if_stale(path, [name])
     check_folder(folder, overwrite=overwrite)
-    if form == "tables" and _record(run, name)["output"]["kind"] != "Block":
+    if form == "tables" and kind != "Block":
         _write_tables(run, name, folder)
         narrate(f"{name} of {run.folder} written as {form}")
         say(str(folder))

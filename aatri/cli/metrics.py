@@ -26,7 +26,7 @@ def metrics(
     values = {name: figures_of(record) for name, record in records.items() if record is not None}
     if not values:
         raise ArtifactError("has not been run", where=str(located.folder), remedy="aatri run")
-    warn_if_stale(run)
+    warn_if_stale(run, [name for name, figures in values.items() if figures])
     if json:
         say_json(values)
         return

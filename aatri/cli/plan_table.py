@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import TYPE_CHECKING, Any
 
 from aatri.cli.terminal.console import narrate, say, say_table
-from aatri.errors import AatriError
+from aatri.errors import AatriError, Errors
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
     from pathlib import Path
 
     from aatri.cli.arguments.planning import Opened
@@ -60,16 +61,27 @@ def reasons_text(reasons: Sequence[Reason]) -> str:
     return "; ".join(texts)
 
 
-def warn_if_stale(named: Path | None, stage: str = "") -> None:
-    """Say which results of a run, or that of a stage, are not what its pipeline would make now."""
+def warn_if_stale(named: Path | None, stages: Collection[str]) -> None:
+    """Say which results that are shown are not, or may not be, what the pipeline would make now; compiles nothing."""
+    from aatri.cli.arguments.locate import find_run
     from aatri.cli.arguments.planning import open_run
+    from aatri.pipeline.plan.decisions import State
 
+    of_run = "" if named is None else f" {shlex.quote(str(named))}"
     try:
-        decisions = open_run(named, quiet=True, background=True).plan().decisions
+        if (find_run(named).overview.get("request") or {}).get("local_plugins"):
+            narrate(f"note: made with --local-plugins: `aatri status{of_run} --local-plugins` says what is up to date")
+            return
+        decisions = open_run(named, quiet=True, compiles=False).plan().decisions
     except AatriError as error:
-        narrate(f"note: whether this is up to date is not known: {error.what}")
+        first = error.errors[0] if isinstance(error, Errors) else error
+        text = f"{first.where}: {first.what}" if first.where else first.what
+        remedy = f" ({first.remedy})" if first.remedy else ""
+        narrate(f"note: whether this is up to date is not known: {text}{remedy}")
         return
-    stale = [d for d in decisions if d.record is None and stage in ("", d.stage)]
-    if stale:
-        names = ", ".join(d.stage for d in stale)
-        narrate(f"warning: not up to date: {names} ({reasons_text(stale[0].reasons[:1])}); `aatri run` makes it again")
+    for state, how in ((State.run, "not"), (State.maybe, "perhaps not")):
+        stale = [d for d in decisions if d.state is state and d.stage in stages]
+        if stale:
+            names = ", ".join(f"{d.stage} ({reasons_text(d.reasons[:1])})" for d in stale)
+            again = "it" if len(stale) == 1 else "them"
+            narrate(f"warning: {how} up to date: {names}; `aatri run{of_run}` makes {again} again")

@@ -79,8 +79,9 @@ def _file(what: str) -> Path:
         raise _without_stage(what, path)
     run = find_run(path)
     run.stage(stage)
-    warn_if_stale(path, stage)
-    return store.artifact_path(run.folder, stage)
+    artifact = store.artifact_path(run.folder, stage)
+    warn_if_stale(path, [stage])
+    return artifact
 
 
 def _without_stage(what: str, path: Path | None) -> SpecError:

@@ -210,3 +210,47 @@ def test_results_that_are_not_up_to_date_are_said_to_be_so(project: Path) -> Non
     for verb in (("metrics",), ("metrics", "--json"), ("show", ":s"), ("export", "out:s", "tables", "t")):
         assert "warning: not up to date: s (" in aatri(*verb).stderr
     assert "not up to date" not in aatri("show", ":a").stderr
+
+
+def test_of_stages_that_are_not_shown_nothing_is_said(project: Path) -> None:
+    write_pipeline(project, LINES, "run: part\nseed: 1\n")
+    assert aatri("run", "--until", "a").exit_code == 0
+    assert "up to date" not in aatri("metrics").stderr
+    never_run = aatri("show", ":s")
+    assert never_run.exit_code == 7
+    assert "up to date" not in never_run.stderr
+
+
+def test_each_result_has_its_reason_and_one_that_may_be_is_named_apart(project: Path) -> None:
+    write_pipeline(project, LINES.replace("source/fixed}", "source/fixed, with: {count: 5}}"), HEAD)
+    for run in ((), ("pipeline.yaml",), ("out",)):
+        told = aatri("metrics", *run).stderr
+        of_run = " ".join(("run", *run))
+        assert f"warning: not up to date: a (options count: 3 -> 5); `aatri {of_run}` makes it again\n" in told
+        assert f"warning: perhaps not up to date: s (perhaps other a); `aatri {of_run}` makes it again\n" in told
+    text = (project / "pipeline.yaml").read_text()
+    (project / "pipeline.yaml").write_text(text.replace("{numbers: a}}", "{numbers: a}, with: {offset: 2.0}}"))
+    told = aatri("metrics").stderr
+    assert "not up to date: a (options count: 3 -> 5), s (options offset: 0.0 -> 2.0); `aatri run` makes them" in told
+
+
+def test_whether_results_are_up_to_date_is_asked_without_compiling(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("aatri.cli.arguments.planning.compilation_of", None)
+    assert aatri("metrics").exit_code == aatri("show", ":s").exit_code == 0
+    monkeypatch.setattr("aatri.pipeline.methods.compile_kernels.missing", lambda _: {"some.kernels.module": project})
+    monkeypatch.setattr("aatri.pipeline.methods.kernel_cache.copy_compiled", lambda *_: None)
+    monkeypatch.setattr("aatri.pipeline.methods.compile_kernels.without_compiler", lambda do, *what: do(*what))
+    assert aatri("metrics").exit_code == 0
+
+
+def test_where_it_is_not_known_a_line_says_how_to_learn_it(project: Path) -> None:
+    assert aatri("run", "--local-plugins", "--into", "own").exit_code == 0
+    told = aatri("metrics", "own").stderr
+    assert told == "note: made with --local-plugins: `aatri status own --local-plugins` says what is up to date\n"
+    (project / "pipeline.yaml").write_text((project / "pipeline.yaml").read_text().replace("sum/add", "sum/ad"))
+    told = aatri("metrics", "out").stderr
+    assert told.startswith("note: whether this is up to date is not known: ")
+    assert "did you mean 'sum/add'? (see `aatri stages sum`" in told
+    assert told.count("\n") == 1

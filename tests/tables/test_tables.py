@@ -250,8 +250,10 @@ def test_tables_are_frozen_dataclasses_by_themselves_and_cannot_be_so_twice() ->
     with pytest.raises(FrozenInstanceError):
         _stations(["A"]).id = np.array(["B"])  # type: ignore[misc]
     assert _network() != _network()  # arrays are compared by their digest
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match="Cannot overwrite attribute __setattr__ in class Stations"):
         dataclass(frozen=True, eq=False)(Stations)
+    with pytest.raises(TypeError, match="cannot inherit non-frozen dataclass from a frozen one"):
+        dataclass(Stations)
 
 
 # Columns of text against Python's own encoder, text by text.

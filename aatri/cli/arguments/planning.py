@@ -70,10 +70,11 @@ class Opened:
         return planned
 
 
-def open_request(request: Request, *, quiet: bool = False, background: bool = False) -> Opened:
+def open_request(request: Request, *, quiet: bool = False, background: bool = False, compiles: bool = True) -> Opened:
     """Read and wire the pipeline of a request; unless quiet, tell of compilation, which that may take.
 
-    With `background` compilation may still be under way: who runs stages waits for what each of them needs.
+    With `background` compilation may still be under way: who runs stages waits for what each of them needs. Who runs
+    none needs none (`compiles`).
 
     Raises
     ------
@@ -87,14 +88,15 @@ def open_request(request: Request, *, quiet: bool = False, background: bool = Fa
     spec, local = read_request(request)
     catalogue = Catalogue(local, runs_code=request.local_plugins)
     uses = [stage.use for stage in spec.stages.values()] + [text.partition("=")[2] for text in request.use]
-    compilation = compilation_of(uses, catalogue, quiet=quiet)
-    if compilation is None:
+    compilation = compilation_of(uses, catalogue, quiet=quiet) if compiles else None
+    if compilation is None and (compiles or not lacking_kernels(uses, catalogue)):
         spec, nodes, notes = wired(spec, request, catalogue)
     else:
         spec, nodes, notes = without_compiler(wired, spec, request, catalogue)
-        if quiet and not background:
+    if compilation is not None and not background:
+        if quiet:
             compilation.wait()
-        elif not background:
+        else:
             wait_for(compilation, narrate, terminal=is_terminal())
     for note in notes:
         narrate(f"note: {note}")
@@ -138,24 +140,32 @@ def wired(spec: Spec, request: Request, catalogue: Catalogue) -> tuple[Spec, tup
 
 def compilation_of(uses: Sequence[str], catalogue: Catalogue, *, quiet: bool = False) -> Compilation | None:
     """Begin to compile what stages reach, where that has not been done on this machine and the wheel has it not."""
-    from aatri.pipeline.methods.compile_kernels import Compilation, kernels_of, missing
-    from aatri.pipeline.methods.kernel_cache import CARRIED, copy_compiled, remove_unused, use_kernel_cache
+    from aatri.pipeline.methods.compile_kernels import Compilation
 
-    folder = use_kernel_cache()
-    if folder is None:
-        return None
-    codes = catalogue.codes(uses)
-    kernels = kernels_of(codes)
-    remove_unused(folder, kernels)
-    if not (lacking := missing(kernels)):
-        return None
-    copy_compiled(lacking, CARRIED, folder)
-    if not (lacking := missing(kernels_of(codes, at_once=True))):  # others are compiled when a block needs them
+    lacking = lacking_kernels(uses, catalogue)
+    if not lacking:
         return None
     if not quiet:
         modules = several(len(lacking), "module")
         narrate(f"compiling the inner loops for this processor, once: {modules}, a second or two each")
     return Compilation(lacking)
+
+
+def lacking_kernels(uses: Sequence[str], catalogue: Catalogue) -> dict[str, Path]:
+    """Kernel modules that stages import at once and that neither the cache of this machine has nor the wheel."""
+    from aatri.pipeline.methods.compile_kernels import kernels_of, missing
+    from aatri.pipeline.methods.kernel_cache import CARRIED, copy_compiled, remove_unused, use_kernel_cache
+
+    folder = use_kernel_cache()
+    if folder is None:
+        return {}
+    codes = catalogue.codes(uses)
+    kernels = kernels_of(codes)
+    remove_unused(folder, kernels)
+    if not (lacking := missing(kernels)):
+        return {}
+    copy_compiled(lacking, CARRIED, folder)
+    return missing(kernels_of(codes, at_once=True))  # others are compiled when a block needs them
 
 
 def open_run(
@@ -166,6 +176,7 @@ def open_run(
     use: tuple[str, ...] = (),
     quiet: bool = False,
     background: bool = False,
+    compiles: bool = True,
 ) -> Opened:
     """The pipeline of a file, or of a run folder as it was run last; by default of ./pipeline.yaml.
 
@@ -178,7 +189,7 @@ def open_run(
     path = run_or_pipeline(named)
     if not path.is_dir():
         request = Request(str(path), set_=set_, use=use, local_plugins=local_plugins)
-        return open_request(request, quiet=quiet, background=background)
+        return open_request(request, quiet=quiet, background=background, compiles=compiles)
     kept = overview_of(path).get("request")
     if not kept:
         raise ArtifactError(
@@ -202,4 +213,4 @@ def open_run(
         kept["variant"],
         local_plugins,
     )
-    return open_request(request, quiet=quiet, background=background)
+    return open_request(request, quiet=quiet, background=background, compiles=compiles)

@@ -54,9 +54,10 @@ _DAY_S = 86_400.0
 
 
 def use_kernel_cache() -> Path | None:
-    """Lead Numba to the compiled kernels; to be called before Numba is imported.
+    """Lead Numba to the compiled kernels; to be called before kernels are imported.
 
-    Where the cache cannot be written compiled kernels are kept for this run only.
+    Where the cache cannot be written compiled kernels are kept for this run only. Numba that has been imported before,
+    as by a notebook, reads its variables anew; the processor stays the one that it has generated code for.
 
     Returns
     -------
@@ -65,7 +66,8 @@ def use_kernel_cache() -> Path | None:
     """
     if importlib.util.find_spec("numba") is None:
         return None
-    if not os.environ.keys() & {PROCESSOR, FEATURES} and set(_described_processor().split()) >= _GENERIC_FLAGS:
+    chosen = bool(os.environ.keys() & {PROCESSOR, FEATURES}) or _has_generated_code()
+    if not chosen and set(_described_processor().split()) >= _GENERIC_FLAGS:
         os.environ |= {PROCESSOR: GENERIC, FEATURES: ""}
     folder = Path(os.environ.get(VARIABLE) or cache_folder() / "numba")
     try:
@@ -76,7 +78,15 @@ def use_kernel_cache() -> Path | None:
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
     os.environ[VARIABLE] = str(folder)
     os.environ[LOCATORS] = f"aatri.pipeline.methods.kernel_locator.ByContent,{OTHERS}"
+    if "numba.core.config" in sys.modules:
+        sys.modules["numba.core.config"].reload_config()
     return folder
+
+
+def _has_generated_code() -> bool:
+    """Whether Numba has a code generator in this process already; its processor cannot be changed any more."""
+    registry = sys.modules.get("numba.core.registry")
+    return registry is not None and "_toplevel_target_context" in vars(registry.cpu_target)
 
 
 @cache

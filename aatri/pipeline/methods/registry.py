@@ -24,6 +24,8 @@ from aatri.plugin import Role, StageCard, card_of
 
 _NO_MEMORY = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 """How the loader of libraries says so, which Python passes on as ImportError."""
+_DATACLASS_TWICE = ("Cannot overwrite attribute __setattr__ in class", "non-frozen dataclass from a frozen one")
+"""How `dataclasses` refuses to make one of a Table or Artifact once more."""
 _OWN = "those of the project itself need --local-plugins"
 
 
@@ -178,6 +180,8 @@ def _not_imported(origin: Origin, error: Exception) -> AatriError:
         if isinstance(cause, MemoryError) or lacks or any(words in str(cause) for words in _NO_MEMORY):
             return ResourceError(f"no memory to import {origin.where}", remedy="a machine with more memory")
     remedy = "install what it imports" if isinstance(error, ModuleNotFoundError) else "correct or remove it"
+    if isinstance(error, TypeError) and any(words in str(error) for words in _DATACLASS_TWICE):
+        remedy = "a Table or Artifact is a dataclass by itself: take `@dataclass` off"
     what = f"cannot be imported: {type(error).__name__}: {error}"
     return PluginError(what, where=_line_of(error, origin), remedy=remedy)
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -25,23 +26,9 @@ from aatri.pipeline.run import worker
 from aatri.pipeline.run.context import LoggedContext
 from aatri.pipeline.run.task import Task
 from aatri.pipeline.store.cache import Cache
+from tests.pipeline.methods.toy_kernels import clone
 
 CONSENSUS = "aatri.orientation.relative.kernels.consensus"
-INNER = """from numba import njit
-
-
-@njit("float64(float64)", cache=True)
-def twice(x):
-    return {factor} * x
-"""
-OUTER = """from numba import njit
-from field.kernels.inner import twice
-
-
-@njit("float64(float64)", cache=True)
-def more(x):
-    return twice(x) + 1.0
-"""
 CALL = """
 import sys
 from aatri.pipeline.methods.kernel_cache import use_kernel_cache
@@ -51,18 +38,15 @@ print(more(3.0), sum(more.stats.cache_hits.values()))
 """
 
 
-def _clone(folder: Path, factor: float) -> dict[str, Path]:
-    kernels = folder / "field" / "kernels"
-    kernels.mkdir(parents=True)
-    for empty in (kernels.parent / "__init__.py", kernels / "__init__.py"):
-        empty.write_text("")
-    (kernels / "inner.py").write_text(INNER.format(factor=factor))
-    (kernels / "outer.py").write_text(OUTER)
-    return {f"field.kernels.{name}": kernels / f"{name}.py" for name in ("inner", "outer")}
+@pytest.fixture(autouse=True)
+def _variables_as_before() -> Iterator[None]:
+    """Numba reads its variables again once those of a test are undone."""
+    yield
+    importlib.import_module("numba.core.config").reload_config()
 
 
-def _called(clone: Path, cache: Path) -> str:
-    path = os.pathsep.join([str(clone), *filter(None, sys.path)])
+def _called(folder: Path, cache: Path) -> str:
+    path = os.pathsep.join([str(folder), *filter(None, sys.path)])
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": path}
     done = subprocess.run([sys.executable, "-c", CALL], env=environment, capture_output=True, text=True, check=True)
     return done.stdout.strip()
@@ -72,7 +56,7 @@ def _called(clone: Path, cache: Path) -> str:
 def test_a_second_clone_compiles_nothing_and_an_edit_of_what_is_called_compiles_again(tmp_path: Path) -> None:
     cache = tmp_path / "numba"
     for name, factor in (("first", 2.0), ("second", 2.0), ("edited", 5.0)):
-        _clone(tmp_path / name, factor)
+        clone(tmp_path / name, factor)
     assert _called(tmp_path / "first", cache) == "7.0 0"
     assert _called(tmp_path / "second", cache) == "7.0 1"
     assert _called(tmp_path / "edited", cache) == "16.0 0"
@@ -84,7 +68,7 @@ def test_modules_are_compiled_side_by_side_once(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *filter(None, sys.path)]))
     monkeypatch.syspath_prepend(str(tmp_path))
-    kernels = _clone(tmp_path, 2.0)
+    kernels = clone(tmp_path, 2.0)
     assert use_kernel_cache() == tmp_path / "numba"
     assert missing(kernels) == kernels
     compilation = Compilation(kernels)
@@ -97,7 +81,7 @@ def test_modules_are_compiled_side_by_side_once(tmp_path: Path, monkeypatch: pyt
 
 def test_a_module_that_fails_is_left_to_who_needs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
-    kernels = _clone(tmp_path, 2.0)  # not on the path: no process can import it
+    kernels = clone(tmp_path, 2.0)  # not on the path: no process can import it
     Compilation(kernels).wait()
     assert missing(kernels) == kernels
 
@@ -107,7 +91,7 @@ def test_what_a_wheel_carries_is_not_compiled_unless_something_differs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Built in one folder, run from another: the same code, Numba and processor; then a later Numba."""
-    kernels = _clone(tmp_path / "built", 2.0)
+    kernels = clone(tmp_path / "built", 2.0)
     assert _called(tmp_path / "built", tmp_path / "carried") == "7.0 0"
     monkeypatch.setattr(kernel_cache, "CARRIED", tmp_path / "carried")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
@@ -128,7 +112,7 @@ def test_what_a_wheel_carries_is_not_compiled_unless_something_differs(
 @pytest.mark.slow
 def test_a_wheel_carries_what_the_cache_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A toy library whose kernels have been compiled: building its wheel compiles none of them again."""
-    kernels = _clone(tmp_path, 2.0)
+    kernels = clone(tmp_path, 2.0)
     monkeypatch.syspath_prepend(str(tmp_path))
     for name, value in (("NUMBA_CACHE_DIR", str(tmp_path / "numba")), (kernel_cache.PROCESSOR, kernel_cache.GENERIC)):
         monkeypatch.setenv(name, value)
@@ -150,7 +134,7 @@ def test_a_wheel_carries_what_the_cache_has(tmp_path: Path, monkeypatch: pytest.
 @pytest.mark.slow
 def test_a_cache_that_cannot_be_written_is_replaced_by_one_for_this_run(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    _clone(tmp_path / "clone", 2.0)
+    clone(tmp_path / "clone", 2.0)
     assert _called(tmp_path / "clone", tmp_path / "file" / "numba") == "7.0 0"
     assert not list((tmp_path / "clone").rglob("*.nbi"))
 
@@ -173,13 +157,14 @@ def test_processors_with_avx2_are_one(
         monkeypatch.delenv(name)
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
+    monkeypatch.setattr(kernel_cache, "_has_generated_code", bool)  # as in a process that has not imported Numba
     use_kernel_cache()
     assert (os.environ.get("NUMBA_CPU_NAME"), os.environ.get("NUMBA_CPU_FEATURES")) == processor
 
 
 def test_folders_that_nobody_has_used_for_long_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
-    kernels = _clone(tmp_path / "clone", 2.0)
+    kernels = clone(tmp_path / "clone", 2.0)
     long_ago = time.time() - (kernel_cache.KEPT_DAYS + 1) * 86_400
     names = [folder_name(module, file) for module, file in kernels.items()]
     for name in (*names, "old-1", "new-1"):
@@ -194,7 +179,7 @@ def test_folders_that_nobody_has_used_for_long_are_removed(tmp_path: Path, monke
 
 def test_of_more_folders_than_are_kept_the_oldest_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "numba"))
-    kernels = _clone(tmp_path / "clone", 2.0)
+    kernels = clone(tmp_path / "clone", 2.0)
     names = {folder_name(module, file) for module, file in kernels.items()}
     for k, name in enumerate(sorted(names) + [f"other-{age}" for age in range(5)]):
         (tmp_path / "numba" / name).mkdir(parents=True)

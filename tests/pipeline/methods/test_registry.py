@@ -187,6 +187,22 @@ def test_a_breach_of_the_contract_names_file_and_remedy(tmp_path: Path, case: st
     assert error.remedy
 
 
+@pytest.mark.parametrize("base", ["Table", "Artifact"])
+@pytest.mark.parametrize("decorator", ["@dataclass", "@dataclass(frozen=True)", "@dataclass(frozen=True, eq=False)"])
+def test_a_table_that_is_made_a_dataclass_once_more_is_told_to_leave_that(
+    tmp_path: Path, decorator: str, base: str
+) -> None:
+    head = f"from dataclasses import dataclass\n\nfrom aatri.tables.schema import {base}\n"
+    own = f'{decorator}\nclass Mine({base}):\n    """Mine."""\n\n\n'
+    text = MINE.replace("from aatri.artifacts.block ", f"{head}from aatri.artifacts.block ")
+    text = text.replace("@stage(version=1)\n", own + "@stage(version=1)\n")
+    local = write(tmp_path / "stages", {"interior_orientation/mine.py": text})
+    error = breach(find_stages(local), "interior_orientation/mine")
+    assert error.remedy == "a Table or Artifact is a dataclass by itself: take `@dataclass` off"
+    assert "cannot be imported: TypeError" in error.what
+    assert error.where.endswith("mine.py:15")
+
+
 def test_a_folder_with_a_mistyped_role_is_told_the_right_one(tmp_path: Path) -> None:
     local = write(tmp_path / "stages", {"interior_orientatoin/mine.py": MINE})
     error = breach(find_stages(local), "interior_orientatoin/mine")
