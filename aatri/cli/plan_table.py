@@ -79,9 +79,9 @@ def warn_if_stale(named: Path | None, stages: Collection[str]) -> None:
         remedy = f" ({first.remedy})" if first.remedy else ""
         narrate(f"note: whether this is up to date is not known: {text}{remedy}")
         return
-    for state, how in ((State.run, "not"), (State.maybe, "perhaps not")):
+    for state, adverb in ((State.run, "not"), (State.maybe, "perhaps not")):
         stale = [d for d in decisions if d.state is state and d.stage in stages]
         if stale:
             names = ", ".join(f"{d.stage} ({reasons_text(d.reasons[:1])})" for d in stale)
             again = "it" if len(stale) == 1 else "them"
-            narrate(f"warning: {how} up to date: {names}; `aatri run{of_run}` makes {again} again")
+            narrate(f"warning: {adverb} up to date: {names}; `aatri run{of_run}` makes {again} again")
