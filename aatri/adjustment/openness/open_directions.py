@@ -116,12 +116,16 @@ def described(problem: IndexedProblem, vector: Float) -> OpenCombination:
     shares.sort(key=lambda share: -share[0])
     largest = max((own for _, own, *_ in shares), default=0.0)
     members = [share for share in shares if share[0] > NAMED**2 * shares[0][0] or share[1] > NAMED * largest][:5]
-    alike: dict[tuple[str, frozenset[int]], list[tuple[Unknowns, int, list[int]]]] = {}
+    alike = list[list[tuple[Unknowns, int, list[int]]]]()
     for name in dict.fromkeys(u.name for _, _, u, *_ in members):
         for _, _, u, scalar, large in members:
-            if u.name == name:
-                alike.setdefault((name, frozenset(large)), []).append((u, scalar, large))
-    text = " with ".join(map(_of_same_blocks, alike.values()))
+            if u.name != name:
+                continue
+            same = (one for one in alike if one[0][0].name == name and any(set(large) & set(k) for *_, k in one))
+            if (beside := next(same, None)) is None:
+                alike.append(beside := [])
+            beside.append((u, scalar, large))
+    text = " with ".join(map(_of_blocks, alike))
     return OpenCombination(
         text or "unknowns of no group",
         unknowns=tuple((u.labels[scalar], u.name) for *_, u, scalar, _ in members),
@@ -129,8 +133,9 @@ def described(problem: IndexedProblem, vector: Float) -> OpenCombination:
     )
 
 
-def _of_same_blocks(members: Sequence[tuple[Unknowns, int, list[int]]]) -> str:
-    """Labels of one group, and the blocks that have all of them: `rotation about X, X0 of image 7, 8`."""
-    u, _, blocks = members[0]
+def _of_blocks(members: Sequence[tuple[Unknowns, int, list[int]]]) -> str:
+    """Labels of one group, and the blocks that have one of them at least: `rotation about X, X0 of image 7, 8`."""
+    u = members[0][0]
+    blocks = dict.fromkeys(k for *_, large in members for k in large)
     labels = ", ".join(u.labels[scalar] for _, scalar, _ in members)
     return f"{labels} of {u.name} {shown((str(u.ids[k]) for k in blocks), 4)}"

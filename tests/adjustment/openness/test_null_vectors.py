@@ -64,11 +64,12 @@ def test_what_is_open_is_named_however_small_the_derivatives(recwarn: pytest.War
 @pytest.mark.parametrize(
     ("vector", "text"),
     [
-        ([[0.0, 1.0], [0.6, 0.9], [0.0, 0.0]], "b of image 7, 8 with a of image 8"),
+        ([[0.0, 1.0], [0.6, 0.9], [0.0, 0.0]], "b, a of image 7, 8"),
+        ([[0.0, 1.0], [0.0, 0.9], [0.6, 0.0]], "b of image 7, 8 with a of image 9"),
         ([[0.5, 0.9], [0.6, 0.8], [0.0, 0.0]], "b, a of image 7, 8"),
     ],
 )
-def test_labels_share_their_blocks_in_a_text_only_where_these_are_the_same(
+def test_labels_share_their_blocks_in_a_text_where_they_have_one_in_common(
     vector: list[list[float]], text: str
 ) -> None:
     unknowns = Unknowns("image", np.ones((3, 2), bool), ("a", "b"), ["7", "8", "9"], add_step)
