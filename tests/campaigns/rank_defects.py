@@ -192,7 +192,9 @@ DEFECTS = {
     ),
     "directions without orientation": Defect(networks.unoriented_set, ("1 unknown", "rotation about Z", "azimuth")),
     "a set of one direction": Defect(networks.set_of_one, ("single direction", "S1"), refused=False),
-    "a station with distances in its plane": Defect(networks.distances_in_a_plane, ("1 combination", "Z of point S")),
+    "a station with distances in its plane": Defect(
+        networks.distances_in_a_plane, ("1 combination", "open: Z", "of point S")
+    ),
     "a plane network without distance": Defect(
         networks.plan_without_distance, ("1 unknown", "scale of the whole", "size")
     ),
