@@ -23,7 +23,8 @@ from aatri.adjusting.tied_problem import TiedProblem, in_three, is_coordinates
 from aatri.adjustment.covariance.dense import DenseSolution, solve_dense
 from aatri.adjustment.covariance.solve import LinearSolution, solve
 from aatri.adjustment.kernels.spectra import is_steady
-from aatri.adjustment.statistics.record_tests import BELOW, RecordTests, uncontrolled_directions
+from aatri.adjustment.statistics.limits import LEAST_CONTROLLED
+from aatri.adjustment.statistics.record_tests import RecordTests, uncontrolled_directions
 from aatri.adjustment.statistics.variance_components import common_sigma
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
@@ -43,8 +44,7 @@ COARSE = 1e-2
 """The same for an adjustment that the deformation of bodies is estimated from: that is then wrong by 1e-4 of itself."""
 
 STEADY = 1e-3
-"""Covariances of ties that have turned with their bodies by a smaller share of themselves stay as they are: weights by
-that share wrong move no result by more than about that share of its standard deviation."""
+"""Covariances of ties that turned by a smaller share of themselves stay: a result moves by that share of its sigma."""
 
 TURNS = 5
 """Adjustments, each with the covariances of the one before, after which these are near enough in any case."""
@@ -52,7 +52,7 @@ TURNS = 5
 AT_A_TIME = 20_000
 """Observations whose matrices are turned at once, where all are looked at."""
 
-WEAK = BELOW**-0.5
+WEAK = LEAST_CONTROLLED**-0.5
 """Ten: a redundancy number of 0.01 is the limit of what counts as controlled at all (Foerstner 1980)."""
 
 

@@ -17,7 +17,8 @@ from aatri.adjustment.covariance.cross import joint_covariance
 from aatri.adjustment.covariance.independent import independent_errors, independent_predictions
 from aatri.adjustment.covariance.score import with_factor
 from aatri.adjustment.records import whitened
-from aatri.adjustment.statistics.record_tests import BELOW, uncontrolled_directions
+from aatri.adjustment.statistics.limits import LEAST_CONTROLLED
+from aatri.adjustment.statistics.record_tests import uncontrolled_directions
 from aatri.adjustment.structure.bandwidth import OrderingFigures, ordering_figures
 from aatri.adjustment.structure.index_problem import Ordering
 from aatri.arrays import Float, Int
@@ -82,7 +83,7 @@ def _of_parameters(adjusted: AdjustedObservations, rows: Int, R: Float) -> Uncon
     """Of weighted parameters one by one: they have no common direction."""
     o, r = adjusted.observed, np.einsum("nii->ni", R)
     weighted = np.isfinite(o.sigmas()[rows])
-    row, component = np.nonzero(weighted & (np.where(weighted, r, 1.0) < BELOW))
+    row, component = np.nonzero(weighted & (np.where(weighted, r, 1.0) < LEAST_CONTROLLED))
     label = np.array(o.components, dtype=np.str_)[component]
     return uncontrolled_table(o, rows[row], r[row, component], np.full((len(row), 1), np.nan), label)
 

@@ -10,7 +10,7 @@ from aatri.adapters.pairs.image_pairs import joining_pairs, pair_names
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.uncontrolled_before import in_no_model, seen_by_one
 from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit
-from aatri.adjustment.statistics.record_tests import BELOW
+from aatri.adjustment.statistics.limits import LEAST_CONTROLLED
 from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -69,7 +69,7 @@ def _uncontrolled(block: Block, models: Models, redundancy: Float) -> Uncontroll
     """Along the base the points of one model only; across it those whose y-parallax is not controlled."""
     p = models.model_points
     single = np.bincount(p.point[p.active], minlength=len(block.points))[p.point] == 1
-    weak = redundancy < BELOW
+    weak = redundancy < LEAST_CONTROLLED
     across = seen_by_one(block, models, np.flatnonzero(p.active & weak), redundancy[p.active & weak])
     return stacked([across, seen_by_one(block, models, np.flatnonzero(p.active & single))])
 

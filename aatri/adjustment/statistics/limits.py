@@ -31,6 +31,9 @@ SHOWN = 0.05
 POWER = 0.8
 """A detectable error or displacement is found with this probability."""
 
+LEAST_CONTROLLED = 0.01
+"""Redundancy number below which no gross error can be seen: one of 41 standard deviations is found in 80 %."""
+
 LEAST_LIMIT = 4.0
 """Of several tests together, and of check points: of normal errors one in 16,000 is beyond."""
 

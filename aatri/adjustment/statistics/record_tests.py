@@ -27,6 +27,7 @@ import numpy as np
 
 from aatri.adjustment.kernels.record_tests import test_records
 from aatri.adjustment.records import Records
+from aatri.adjustment.statistics.limits import LEAST_CONTROLLED
 from aatri.adjustment.statistics.reliability import UNCONTROLLED
 from aatri.adjustment.threads import by_rows, in_threads
 from aatri.adjustment.unknowns import State
@@ -92,10 +93,6 @@ def record_tests(records: Records, state: State, adjusted_covariance: Float, whi
     return RecordTests(records, state, np.ascontiguousarray(whitened), np.ascontiguousarray(cofactor))
 
 
-BELOW = 0.01
-"""Redundancy number below which no gross error can be seen: one of 41 standard deviations is found in 80 %."""
-
-
 def uncontrolled_directions(redundancy: Float, observed: Bool, whitener: Float) -> tuple[Int, Float, Float]:
     """Records with a direction that is not controlled.
 
@@ -116,9 +113,9 @@ def uncontrolled_directions(redundancy: Float, observed: Bool, whitener: Float) 
     direction : (k, m) float64
         The direction, of length 1 in units of the observation, its largest component positive; zero where not observed.
     """
-    candidates = np.flatnonzero(~(by_rows(_least_bound, redundancy, observed) > BELOW))
+    candidates = np.flatnonzero(~(by_rows(_least_bound, redundancy, observed) > LEAST_CONTROLLED))
     values, vectors = np.linalg.eigh(_of_observed(redundancy[candidates], observed[candidates]))
-    open_direction = values[:, 0] < BELOW
+    open_direction = values[:, 0] < LEAST_CONTROLLED
     rows = candidates[open_direction]
     direction = np.where(observed[rows], vectors[open_direction, :, 0], 0.0)
     direction = _in_units(direction, whitener[rows], observed[rows])

@@ -1,21 +1,21 @@
 """Observations that nothing controls.
 
 Seen: nothing: a gross error there changes no residual.
-Test: the redundancy number in the direction that the others control least is below `statistics.record_tests.BELOW`,
+Test: the redundancy number in the direction that the others control least is below `LEAST_CONTROLLED`,
 where one of 41 standard deviations is found in 80 %. What is known beforehand of the film of single images is often
 known by that alone, in image after image: such are counted. Image points in no model take part only in the bundle.
 """
 
 import numpy as np
 
-from aatri.adjustment.statistics.record_tests import BELOW
+from aatri.adjustment.statistics.limits import LEAST_CONTROLLED
 from aatri.artifacts.suspects import Uncontrolled
 from aatri.checks.finding import Finding
 from aatri.ids import several
 from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import FILM_PRIOR
 
-WHERE = f"(redundancy number below {BELOW:g}): a gross error along it shows nowhere (table `uncontrolled`)"
+WHERE = f"(redundancy number below {LEAST_CONTROLLED:g}): a gross error along it shows nowhere (table `uncontrolled`)"
 
 
 def uncontrolled_observations(table: Uncontrolled | None) -> list[Finding]:

@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from aatri.adjustment.statistics.record_tests import BELOW as UNCONTROLLED
+from aatri.adjustment.statistics.limits import LEAST_CONTROLLED
 from aatri.arrays import Bool, Float
 from aatri.artifacts.solution import ProposedNumbers, Solution
 from aatri.artifacts.suspects import Suspects, Uncontrolled
@@ -114,7 +114,7 @@ def uncontrolled_table(uncontrolled: Uncontrolled | None) -> PageTable | None:
     }
     caption = (
         "Observations that nothing controls in a direction x, y, z: a gross error along it shows nowhere (redundancy "
-        f"number below {UNCONTROLLED:g})"
+        f"number below {LEAST_CONTROLLED:g})"
     )
     return all_rows(caption, columns)
 

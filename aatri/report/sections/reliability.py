@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from aatri.adjustment.statistics.record_tests import BELOW as UNCONTROLLED
+from aatri.adjustment.statistics.limits import LEAST_CONTROLLED
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.statistics import rmse_interval
@@ -84,7 +84,7 @@ def _by_kind(solution: Solution) -> PageTable | None:
                 number(int(finite.sum())),
                 number(float(r[finite].mean())),
                 number(float(r[finite].min())),
-                number(int((r[finite] < UNCONTROLLED).sum())),
+                number(int((r[finite] < LEAST_CONTROLLED).sum())),
                 _of(np.median, factor * size),
                 _of(np.max, factor * size),
                 _of(np.median, effect),
