@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from aatri.adapters.bundle.bundle_input import with_parameters
 from aatri.adapters.bundle.candidate_groups import candidate_groups
 from aatri.adjustment.problem import SolverSettings
@@ -29,9 +27,12 @@ from aatri.orientation.bundle.blunders.earlier_rejections import (
     with_sets_again,
 )
 from aatri.orientation.bundle.blunders.robust import AdjustOptions, robustly
-from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS
 from aatri.orientation.bundle.from_afar import Restarts, adjust_bundle_from_afar
-from aatri.orientation.bundle.groups.failed_search import mostly_rejected_images, searched_again, without_wrong_image
+from aatri.orientation.bundle.groups.failed_search import (
+    searched_again,
+    without_mostly_rejected_image,
+    without_wrong_image,
+)
 from aatri.orientation.bundle.groups.search import AcceptedGroup, search_with_groups
 from aatri.orientation.bundle.observed_sigma0 import with_observed_sigma0
 from aatri.orientation.bundle.parameter_estimates import column_kinds
@@ -108,14 +109,11 @@ def _searched(
             done, groups = in_all(block)
         except (ConvergenceError, GeometryError) as failure:
             if searching.method == "none":
-                failure.remedy = f"{GROSS_ERRORS}{failure.remedy and f'; else: {failure.remedy}'}"
+                failure.remedy = f"{GROSS_ERRORS}; else: {failure.remedy}" if failure.remedy else GROSS_ERRORS
                 raise
             return searched_again(block, in_all, adjust, failure)
-        if searching.method != "none" and (images := mostly_rejected_images(block.rays, done.result)):
-            fits = float(np.sqrt(MUCH_LESS * (1.0 + done.result.adjusted.sigma0**2))) * done.scale
-            without = without_wrong_image(block, in_all, adjust, fits, images)
-            if without is not None and without[0].result.adjusted.sigma0 * without[0].scale <= fits:
-                return without
+        if searching.method != "none" and (without := without_mostly_rejected_image(block, in_all, adjust, done)):
+            return without
         most = options.max_sigma0
         if most is None or searching.method == "none" or groups or not done.result.adjusted.sigma0 * done.scale > most:
             return done, groups

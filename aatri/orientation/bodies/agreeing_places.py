@@ -44,7 +44,7 @@ def agreeing_places(places: GivenPlaces, x: Float, body: FreeBody, up: Float | N
     full = np.flatnonzero(places.given.all(axis=1))
     if len(full) <= FEWEST:
         return None
-    best, least = np.zeros(0, dtype=bool), np.inf
+    agree, far, least = np.zeros(len(full), dtype=bool), np.zeros(len(full), dtype=bool), np.inf
     of_right = MISFIT_OF_RIGHT * typical_distance(body, IDENTITY)
     for chosen in _triples(len(full)):
         rows = full[list(chosen)]
@@ -56,12 +56,10 @@ def agreeing_places(places: GivenPlaces, x: Float, body: FreeBody, up: Float | N
             continue
         off = np.linalg.norm(transform(to, x[full]) - places.observed_m[full], axis=1)
         share = off / (to.scale * of_right)
-        near = share <= 1.0
         disagreement = float(np.minimum(share, BEYOND).sum())
         if disagreement < least:
-            best, least = np.where(near, 1, np.where(share > BEYOND, 2, 0)), disagreement
-    agree = best == 1
-    if agree.sum() < FEWEST or (best == 0).any() or agree.all():
+            agree, far, least = share <= 1.0, share > BEYOND, disagreement
+    if agree.sum() < FEWEST or not (agree | far).all() or agree.all():
         return None
     is_control = places.kind[full] == CONTROL
     if not agree[~is_control].all() or 2 * np.count_nonzero(agree & is_control) <= np.count_nonzero(is_control):

@@ -39,6 +39,7 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
+from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS
 from aatri.orientation.bundle.from_afar import is_of_most
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.orientation.bundle.result import AT_INFINITY, BundleResult, distance_tests, from_result
@@ -161,6 +162,19 @@ def mostly_rejected_images(rays: ImagePointRows | None, result: BundleResult) ->
     worst = np.argsort(share, kind="stable")[:MOST_TRIED]
     images: list[int] = worst[share[worst] < 0.5].tolist()
     return images
+
+
+def without_mostly_rejected_image(
+    block: BundleInput, search: Search, adjust: Adjust, done: AdjustedBlock
+) -> tuple[AdjustedBlock, tuple[AcceptedGroup, ...]] | None:
+    """The search without the image of which `done` has rejected most points and that explains its misfit; else None.
+
+    It does where half of what sigma0^2 is above 1 is gone without it.
+    """
+    images = mostly_rejected_images(block.rays, done.result)
+    fits = float(np.sqrt(MUCH_LESS * (1.0 + done.result.adjusted.sigma0**2))) * done.scale
+    without = without_wrong_image(block, search, adjust, fits, images) if images else None
+    return without if without is not None and without[0].result.adjusted.sigma0 * without[0].scale <= fits else None
 
 
 def without_wrong_image(
