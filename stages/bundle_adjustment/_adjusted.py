@@ -43,10 +43,11 @@ from aatri.observations.kinds.catalogue import options_without_data
 from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.positions import uses_positions
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS
+from aatri.orientation.bundle.blunders.limits import MUCH_LESS
 from aatri.orientation.bundle.groups.candidates import MARK
 from aatri.orientation.bundle.groups.group import Group
-from aatri.orientation.bundle.groups.search import SEVERAL, AcceptedGroup
+from aatri.orientation.bundle.groups.limits import SEVERAL
+from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import AdjustedBlock
 from aatri.plugin import Context

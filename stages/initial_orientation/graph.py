@@ -43,9 +43,9 @@ from aatri.observations.image_points import rays_of
 from aatri.observations.positions import positions_of
 from aatri.options import Reliability
 from aatri.orientation.bodies.ground_observed import USES, ground_observed
-from aatri.orientation.graph.component import FEWEST_POINTS
 from aatri.orientation.graph.component_bodies import principal_distance_shares
 from aatri.orientation.graph.free_images import orient_free
+from aatri.orientation.graph.limits import FEWEST_POINTS
 from aatri.orientation.graph.pair_graph import PairGraph
 from aatri.orientation.graph.principal_distance import with_bends
 from aatri.orientation.graph.to_ground import to_ground

@@ -185,8 +185,6 @@ _OF_CHANCE = re.compile(r"probability|by chance|false alarm|chi-square|of normal
 _NO_TESTS = {
     "aatri/measuring/session.py: SHOWN_SIGMAS": "the size of a drawn ellipse",
     "aatri/formats/tables/ground.py: SAME_PLACE_SIGMAS": "readers use no method",
-    "aatri/orientation/bodies/wrong_control.py: (MOST_BY_ALL, MOST_SEARCHED, SPARE)": "counts of points",
-    "aatri/orientation/graph/triangulation.py: LIMIT": "trims a start, which the bundle tests",
     "aatri/pixels/matching.py: COARSE_MATCHES": "a count of matches",
 }
 """Numbers that speak of chance and are no limits of tests of an adjustment, with the reason."""

@@ -38,14 +38,14 @@ from aatri.orientation.bundle.groups.candidates import (
     AFFINITY,
     ALL,
     IMAGE,
-    MOST_TYPICAL,
     CameraEffects,
     Candidates,
     Cause,
     UnitMembers,
 )
 from aatri.orientation.bundle.groups.frame_marks import gives_coordinates, marks_of_frames, points_of_sets
-from aatri.orientation.bundle.groups.neighbourhoods import MOST_IMAGES, moved_together
+from aatri.orientation.bundle.groups.limits import MOST_IMAGES_TESTED, MOST_TYPICAL
+from aatri.orientation.bundle.groups.neighbourhoods import moved_together
 from aatri.orientation.bundle.parameter_estimates import parameter_names
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.strip_numbering import flown_lines
@@ -273,7 +273,7 @@ def _of_images(
     bound = np.einsum("ni,nij,nj->n", g, np.linalg.pinv(N, hermitian=True), g)
     seen, names = np.flatnonzero(bound > 0), np.asarray(image_ids)
     typical = seen[np.unique(np.linspace(0, len(seen) - 1, min(MOST_TYPICAL, len(seen))).astype(int))]
-    tested = np.isin(image, np.concatenate([np.argsort(-bound, kind="stable")[:MOST_IMAGES], typical]))
+    tested = np.isin(image, np.concatenate([np.argsort(-bound, kind="stable")[:MOST_IMAGES_TESTED], typical]))
     causes = (Cause("affinity", (0, 1)),)
     for units in _units(place, IMAGE, names, image[tested], rows[tested], H[tested][:, :, AFFINITY:], causes):
         yield replace(units, tests=len(seen), typical=np.isin(units.units, names[typical]))

@@ -19,8 +19,9 @@ from aatri.notes import Note
 from aatri.observations.image_point_rows import ImagePointRows, residuals_mm
 from aatri.observations.observed import Observed
 from aatri.observations.poses import Poses
-from aatri.orientation.graph.component import WIDE_RAD, ImageComponent
+from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.ground_tests import residuals_at
+from aatri.orientation.graph.limits import WIDE_RAD
 from aatri.orientation.graph.neighbouring_components import OnGround
 from aatri.orientation.graph.triangulation import contradicting
 

@@ -34,7 +34,6 @@ from aatri.observations.poses import POINT, POSE
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.agreeing_places import agreeing_places
 from aatri.orientation.bodies.datum_analysis import (
-    UNDETERMINED,
     DatumAnalysis,
     GivenPlaces,
     OpenDatumError,
@@ -42,7 +41,6 @@ from aatri.orientation.bodies.datum_analysis import (
     given_places,
 )
 from aatri.orientation.bodies.datum_start import (
-    THINNEST,
     Observe,
     centroid_start,
     closed_start,
@@ -54,17 +52,17 @@ from aatri.orientation.bodies.datum_start import (
 )
 from aatri.orientation.bodies.deformation import bends_far_less
 from aatri.orientation.bodies.free_body import FreeBody, held_motions, state_of, ties_of
+from aatri.orientation.bodies.limits import (
+    ONE_FAR_IN,
+    STIFF_REDUNDANCY,
+    STIFF_SIGMA0,
+    THINNEST_PLACES,
+    UNDETERMINED_MOTION,
+)
 from aatri.orientation.bodies.wrong_control import exchanged_by_all, exchanged_of, refuse_mirrored
 from aatri.orientation.bodies.wrong_tables import refuse_wrong
 
 Start = Literal["closed", "two_points", "centroids"]
-
-STIFF, LEFT = 2.0, 4
-"""Largest sigma0 and least redundancy without what was rejected, for gross errors to be told from deformation."""
-
-FEW = 4
-"""One in so many may be far from the start for gross errors to bend the body: of eight, over two are wrong in 4 %, if
-one in ten is (Hampel et al. 1986, Robust Statistics, 1.2c). Where c is 2 % off half are far, and the others fit any."""
 
 NOTHING = "it holds no control point and no observed position"
 ENOUGH = "at least two points known in plan and three in height, not on a line, or as many observed positions"
@@ -80,7 +78,7 @@ class OrientationSettings:
     start: Start = "closed"
     """From all places known in full (`closed`), from two known in plan (`two_points`), from these by all known in full,
     reduced to their centroid (`centroids`)."""
-    weakest: float = UNDETERMINED
+    weakest: float = UNDETERMINED_MOTION
     """Motions known less well count as not determined; see `datum_analysis`."""
     stiff: bool = False
     """The body comes from an adjustment of all its images: where all else fits without some gross errors, they are told
@@ -159,7 +157,7 @@ def orient_body(
     far = began & ~near
     try:
         oriented = placed_from(began)
-        if 0 < np.count_nonzero(far) <= min(SMALL_ROOM, (n - first) // FEW) and not settings.free:
+        if 0 < np.count_nonzero(far) <= min(SMALL_ROOM, (n - first) // ONE_FAR_IN) and not settings.free:
             with contextlib.suppress(ConvergenceError, GeometryError):
                 other = placed_from(began & near)
                 oriented = other if bends_far_less(other.tied, oriented.tied) else oriented
@@ -221,7 +219,7 @@ def _start(
         closed = closed_start(places, x) if settings.start == "closed" else None
         if closed is not None:
             return closed
-        thin = closed_start(places, x, THINNEST) if settings.start == "closed" else None
+        thin = closed_start(places, x, THINNEST_PLACES) if settings.start == "closed" else None
         _analysed(observed, use, body, thin or scaled(observed, use, body, level), settings, what)
         if settings.start == "closed":
             return searched_start(observe, body, use, thin)[0]
@@ -250,7 +248,7 @@ def _start(
     x = places.xyz @ level.rotation
     if settings.exchanged and (failure is not None or not fits(places, x, body, start)):
         agreeing = agreeing_places(places, x, body, _up(observed, body))
-        if agreeing is not None and (closed := closed_start(places.take(agreeing), x[agreeing], THINNEST)):
+        if agreeing is not None and (closed := closed_start(places.take(agreeing), x[agreeing], THINNEST_PLACES)):
             use[places.row[places.given.all(axis=1) & ~agreeing]] = False
             return closed
         exchanged = exchanged_by_all(observed, observe, body, use, level)
@@ -265,9 +263,9 @@ def _adjusted(problem: TiedProblem, began: Bool, settings: OrientationSettings) 
     search = Snooping(settings.limit, clear=Snooping.clear if settings.rejects else np.inf)
     if settings.stiff:
         tied = adjust_tied(problem, search, active=began, deformed=False)
-        fits = tied.settled and not tied.above.any() and tied.sigma0 <= STIFF
+        fits = tied.settled and not tied.above.any() and tied.sigma0 <= STIFF_SIGMA0
         several = len(given_places(problem.observed, problem.start).row) > 1  # of one place nothing bends a scale
-        if fits and tied.redundancy >= (LEFT if several else 1):
+        if fits and tied.redundancy >= (STIFF_REDUNDANCY if several else 1):
             return tied
     return adjust_tied(problem, search, active=began)
 

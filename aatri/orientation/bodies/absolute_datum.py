@@ -27,12 +27,13 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import STRIP_TIE
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
 from aatri.orientation.bodies.component_growth import BodyPoints
-from aatri.orientation.bodies.components import TIE_LIMIT, Component, FreeBlock
+from aatri.orientation.bodies.components import Component, FreeBlock
 from aatri.orientation.bodies.control_by_rays import ControlByRays, control_by_rays
 from aatri.orientation.bodies.datum_analysis import OpenDatumError
 from aatri.orientation.bodies.deformation import distance_m, expected_ratio, search_notes
 from aatri.orientation.bodies.free_body import FreeBody
-from aatri.orientation.bodies.ground_observed import BEGUN_LEVEL, HARDLY, GroundObserved, oriented_by, with_level_images
+from aatri.orientation.bodies.ground_observed import BEGUN_LEVEL, GroundObserved, oriented_by, with_level_images
+from aatri.orientation.bodies.limits import EXTRAPOLATION_WARNED, HARDLY_DETERMINED, TIE_LIMIT
 from aatri.orientation.bodies.neighbouring_bodies import beside_neighbours, oriented_together
 from aatri.orientation.bodies.one_left_out import oriented_by_the_others
 
@@ -41,9 +42,6 @@ if TYPE_CHECKING:
     from aatri.artifacts.image_points import ImagePoints
     from aatri.artifacts.strips import Strips
 
-
-EXTRAPOLATION_WARNED = 3.0
-"""Times that errors of control are magnified, beyond which this is a warning."""
 
 NAMED = 3
 """Components, and strips that are not joined, that an error names."""
@@ -162,7 +160,7 @@ def parts_together(
             text = "oriented together with others, by what they share and what is observed of each"
         beside = replace(block_strips, ground=beside_neighbours(ground, [*on_ground, *others], bodies[k]))
         try:
-            part, notes = oriented_part(beside, component, what, replace(settings, weakest=HARDLY))
+            part, notes = oriented_part(beside, component, what, replace(settings, weakest=HARDLY_DETERMINED))
         except (ConvergenceError, GeometryError):
             return None
         return part, [Note("note", f"{what}: {text}; without them {failure.what}"), *notes]
@@ -223,7 +221,7 @@ def begun_part(
     if not isinstance(failure, OpenDatumError):  # something is rejected, which a weak datum would not contradict
         return None
     with contextlib.suppress(ConvergenceError, GeometryError):
-        part, notes = oriented_part(block_strips, component, what, replace(settings, weakest=HARDLY))
+        part, notes = oriented_part(block_strips, component, what, replace(settings, weakest=HARDLY_DETERMINED))
         return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]
     return None
 

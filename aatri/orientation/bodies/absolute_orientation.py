@@ -27,13 +27,8 @@ from aatri.orientation.bodies.absolute_datum import (
 )
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
 from aatri.orientation.bodies.ground_fit import distant_start, fit_notes, height_notes, misfitting_strips
+from aatri.orientation.bodies.limits import MOST_CANDIDATE_STRIPS, ONE_MISFIT_IN
 from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
-
-MISFIT_SHARE = 4
-"""One strip of so many may fit neither control nor the others, and one of fewer; more have another cause."""
-
-CANDIDATES = 3
-"""So many strips are tried, as a bent strip bends those it is joined to."""
 
 
 @dataclass(frozen=True)
@@ -128,10 +123,10 @@ def _without_misfits(block_strips: StripsOfBlock, joining: Joining, oriented: Or
     names, left = block_strips.strips.strips.id, dict[int, float]()
     fitting = None
     while fitting is None:
-        if len(left) >= max(1, len(names) // MISFIT_SHARE):
+        if len(left) >= max(1, len(names) // ONE_MISFIT_IN):
             return None
         trials = list[tuple[tuple[bool, int, float], int, float, OrientedStrips]]()
-        for strip, off_m in misfitting_strips(block_strips.strips, oriented.parts)[:CANDIDATES]:
+        for strip, off_m in misfitting_strips(block_strips.strips, oriented.parts)[:MOST_CANDIDATE_STRIPS]:
             if (without := _tried(block_strips, replace(joining, left_out=(*left, strip)))) is not None:
                 worse = _fitting(block_strips, without) is None, -without.strips, pooled(without.parts)[1]
                 trials.append((worse, strip, off_m, without))

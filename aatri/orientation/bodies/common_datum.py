@@ -7,8 +7,8 @@ coordinates are seen, of a point of two bodies the difference,
 
 each by its amount; bodies that are placed do not move. With N = J'J of all rows J and M_k the mean of G'G over the
 points of body k, N z = lambda M z compares what a motion moves with what is seen of it, as in `datum_analysis` of a
-single body: motions with lambda below `UNDETERMINED` are open. The body that moves most by them is left out, and what
-remains is asked again.
+single body: motions with lambda below `UNDETERMINED_MOTION` are open. The body that moves most by them is left out, and
+what remains is asked again.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from scipy.linalg import block_diag, eigh
 
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.similarity import motions
-from aatri.orientation.bodies.datum_analysis import UNDETERMINED
+from aatri.orientation.bodies.limits import UNDETERMINED_MOTION
 
 RIDGE = 1e-9
 """Added to M, as a share of its mean diagonal: a body of few points may have motions that move none of them."""
@@ -72,7 +72,7 @@ def undetermined_bodies(
         J = np.concatenate([np.zeros((1, 7 * len(left))), *rows])
         M = block_diag(*(np.mean([G.T @ G for G in at[k].values()], axis=0) for k in left))
         values, z = eigh(J.T @ J, M + RIDGE * np.trace(M) / len(M) * np.eye(len(M)))
-        open_z = z[:, values < UNDETERMINED].reshape(len(left), 7, -1)
+        open_z = z[:, values < UNDETERMINED_MOTION].reshape(len(left), 7, -1)
         if not open_z.size:
             break
         moved = [float((np.stack([*at[k].values()]) @ z_k).std()) for k, z_k in zip(left, open_z)]

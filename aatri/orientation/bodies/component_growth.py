@@ -5,8 +5,8 @@ common points lie:
 
     sigma_rotation = sigma_point / sqrt(sum of squared distances from that line),
 
-sigma_point from the covariances of the points or from their discrepancies, whichever is larger. Above `WEAKEST_RAD` the
-points count as collinear and the pair is not joined; so it is with fewer than 3 points. Where the smaller component
+sigma_point from the covariances of the points or from their discrepancies, whichever is larger. Above `WEAKEST_TIE_RAD`
+the points count as collinear and the pair is not joined; so it is with fewer than 3 points. Where the smaller component
 reaches farther from that line than `LONGEST_LEVER` times the denominator, errors of the points grow as many times at
 its edge: such a pair is joined only if asked for (`weakly`). The similarity of a pair is that with the least sum of
 distances (geometry.similarity), which wrong points hardly disturb, but one that lies far out along the line of the
@@ -24,12 +24,7 @@ from aatri.adjustment.threads import WORTH_A_THREAD, in_threads
 from aatri.arrays import Bool, Float, Int, sums_of
 from aatri.geometry.similarity import IDENTITY, ITERATIONS, Similarity, compose
 from aatri.orientation.bodies.kernels.robust_similarity import robust_similarities
-
-WEAKEST_RAD = 0.05
-"""A tie whose weakest rotation is known worse than this joins nothing."""
-
-FEWEST_MIRRORED, CLEARLY = 5, 0.2
-"""Fewer common points say nothing of whether mirrored ones fit better: whether their misfit is less than this share."""
+from aatri.orientation.bodies.limits import FEWEST_MIRRORED, LONGEST_LEVER, MIRRORED_CLEARLY, WEAKEST_TIE_RAD
 
 MIRRORED = "fit only mirrored: an axis of one has the wrong sign"
 
@@ -37,9 +32,6 @@ MISFIT = "do not fit each other"
 
 FEW = 1_000
 """Points of a large body that mostly show that it reaches farther than another."""
-
-LONGEST_LEVER = 20.0
-"""How many times the errors of common points may grow at the edge of the smaller component."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +68,7 @@ class Tie:
 
     def joins(self, *, weakly: bool) -> bool:
         """Whether it is good enough."""
-        return not self.misfit and self.sigma_rad <= WEAKEST_RAD and (weakly or self.lever <= LONGEST_LEVER)
+        return not self.misfit and self.sigma_rad <= WEAKEST_TIE_RAD and (weakly or self.lever <= LONGEST_LEVER)
 
 
 @dataclass(frozen=True)
@@ -189,13 +181,15 @@ def _fitted(common: Sequence[_Common], bodies: Sequence[tuple[_Body, _Body]]) ->
     similarities, distances = _robust(common)
     weakest = [_weakest_rotation(*one) for one in zip(common, similarities, distances, bodies)]
     far = [
-        k for k, (sigma, n, _, by_noise) in enumerate(weakest) if n >= FEWEST_MIRRORED and by_noise < CLEARLY * sigma
+        k
+        for k, (sigma, n, _, by_noise) in enumerate(weakest)
+        if n >= FEWEST_MIRRORED and by_noise < MIRRORED_CLEARLY * sigma
     ]
     _, if_mirrored = _robust([replace(common[k], source=common[k].source * [1.0, 1.0, -1.0]) for k in far])
-    mirrored = {k for k, by in zip(far, if_mirrored) if np.median(by) < CLEARLY * np.median(distances[k])}
+    mirrored = {k for k, by in zip(far, if_mirrored) if np.median(by) < MIRRORED_CLEARLY * np.median(distances[k])}
     ties = []
     for k, (sigma, n, lever, by_noise) in enumerate(weakest):
-        misfit = MISFIT if by_noise <= WEAKEST_RAD < sigma else ""
+        misfit = MISFIT if by_noise <= WEAKEST_TIE_RAD < sigma else ""
         ties.append(Tie(similarities[k], sigma, n, lever, MIRRORED if k in mirrored else misfit))
     return ties
 

@@ -22,16 +22,8 @@ from aatri.ids import several, shown
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, STRIP_TIE
 from aatri.orientation.bodies.component_growth import BodyPoints, Tie, grow_components
+from aatri.orientation.bodies.limits import GROSS_TIE, MOST_TURNED_OVER, TIE_LIMIT
 from aatri.orientation.bodies.similarity_ties import similarities_of, similarity_ties
-
-GROSS = 30.0
-"""Points further from the median over their strips than this, in medians of all such distances, start as rejected."""
-
-MOST_TURNED_OVER = 5
-"""So many strips are left to themselves because others do not converge with them; beyond that all is wrong."""
-
-TIE_LIMIT = 6.0
-"""Test statistic of a wrong tie. Strips are deformed smoothly, so that good ties reach larger values than noise."""
 
 
 @dataclass(frozen=True)
@@ -203,7 +195,7 @@ def _plausible(xyz: Float, variance: Float, point: Int) -> Bool:
     shared = count[point] > 1
     if not shared.any():
         return np.ones(len(point), dtype=bool)
-    least = max(GROSS * float(np.median(distance[shared])), 1e-6 * float(np.abs(xyz).max()))
+    least = max(GROSS_TIE * float(np.median(distance[shared])), 1e-6 * float(np.abs(xyz).max()))
     gross = shared & (distance > least)
     pair = count[point] == 2
     precise = np.lexsort((variance, point))

@@ -16,9 +16,7 @@ from aatri.observations.image_point_rows import ImagePointRows, residuals_mm
 from aatri.observations.poses import POSE
 from aatri.orientation.bodies.components import Component
 from aatri.orientation.bodies.free_body import FreeBody
-
-CLEARLY = 2 * np.log(100.0)
-"""Difference of two sums of squares of residuals that makes the better one a hundred times as likely."""
+from aatri.orientation.bodies.limits import CLEARLY_LIKELIER
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ def _met(body: FreeBody, rays: ImagePointRows, rows: Int, limit: float) -> tuple
         first, *others = np.argsort(misfits).tolist()
         if not np.isfinite(misfits[first]):  # of two rays none is left
             return rows[:0], met
-        if len(rows) == 3 and misfits[others[0]] ** 2 - misfits[first] ** 2 <= CLEARLY:
+        if len(rows) == 3 and misfits[others[0]] ** 2 - misfits[first] ** 2 <= CLEARLY_LIKELIER:
             return rows[:0], met
         rows, met = np.delete(rows, first), each[first]
     return rows, met

@@ -9,7 +9,7 @@ J_p'J_p over the points,
 
 compares them: a motion that moves the body's points by 1 (RMS) moves what is observed by sqrt(lambda) in all. So
 1 / sqrt(lambda) is by how much errors of control are magnified in the body: the extrapolation factor. Motions with
-lambda below `UNDETERMINED` (a factor above 5) count as not determined; control on a line is the usual case. The
+lambda below `UNDETERMINED_MOTION` (a factor above 5) count as not determined; control on a line is the usual case. The
 measure depends neither on units nor on the choice of parameters.
 """
 
@@ -31,10 +31,7 @@ from aatri.errors import GeometryError
 from aatri.geometry.similarity import motions, motions_about
 from aatri.observations.observed import Observed
 from aatri.observations.poses import GENERATORS, POINT, POSE, by_similarity, position
-
-UNDETERMINED = 0.04
-NAMED = 0.3
-"""A parameter is named if at least this share of it lies in what is not determined."""
+from aatri.orientation.bodies.limits import NAMED_SHARE, UNDETERMINED_MOTION
 
 RIDGE = 1e-12
 """Added to normal equations of unit diagonal, of which some unknowns may be open."""
@@ -98,7 +95,11 @@ class DatumAnalysis:
 
 
 def analyse_datum(
-    observed: Sequence[Observed], state: State, body: Float, use: Bool | None = None, weakest: float = UNDETERMINED
+    observed: Sequence[Observed],
+    state: State,
+    body: Float,
+    use: Bool | None = None,
+    weakest: float = UNDETERMINED_MOTION,
 ) -> DatumAnalysis:
     """Find what observations leave open.
 
@@ -135,7 +136,7 @@ def analyse_datum(
     # Parameters refer to the centre of control, so that a rotation about the line of control is one of them.
     share = np.linalg.norm(np.linalg.qr(missing)[0], axis=1)
     labels = _labels(line, places, centre, axes, is_placed)
-    names = tuple(label for label, s in zip(labels, share) if s > NAMED)
+    names = tuple(label for label, s in zip(labels, share) if s > NAMED_SHARE)
     if missing.shape[1] and not names:
         names = (f"{missing.shape[1]} of the seven parameters",)
     factor = 1 / np.sqrt(smallest) if smallest > 1e-12 else float("inf")

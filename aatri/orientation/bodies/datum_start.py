@@ -37,13 +37,9 @@ from aatri.observations.poses import GENERATORS, POINT, POSE, by_similarity
 from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.datum_analysis import GivenPlaces
-from aatri.orientation.bodies.deformation import MISFIT_OF_RIGHT
 from aatri.orientation.bodies.free_body import FreeBody, state_of
+from aatri.orientation.bodies.limits import COLLINEAR_PLACES, MISFIT_OF_RIGHT, UPWARDS
 from aatri.orientation.bodies.similarity_ties import LABELS
-
-COLLINEAR, THINNEST = 0.01, 1e-8
-"""Places known in full count as lying on a line if the ratio of the eigenvalues of their scatter is below the first.
-Down to the second, where rounding begins to decide the turn about that line, they are one start among others."""
 
 HEADINGS, SAME_ENDS = 12, 3
 """Starts: every 30 degrees one. So many that come to one cost, from all around, need no further ones."""
@@ -63,14 +59,11 @@ ROUGH_M = 0.1
 of all given coordinates, if that is larger: beside positions of ten metres, exact control that is weighed as 1 mm
 leaves what these alone determine to rounding."""
 
-UPWARDS = 0.7
-"""Sine of the elevation above which images look upwards: such an end counts only where there is no other."""
-
 Observe = Callable[[Similarity], tuple[Observed, ...]]
 """Where a body lies -> the observations that concern it, of all kinds."""
 
 
-def closed_start(places: GivenPlaces, x: Float, collinear: float = COLLINEAR) -> Similarity | None:
+def closed_start(places: GivenPlaces, x: Float, collinear: float = COLLINEAR_PLACES) -> Similarity | None:
     """Ground from body, by places known in full; None where these do not determine it. `x` are they in the body."""
     full = np.flatnonzero(places.given.all(axis=1))
     if len(full) < 3:

@@ -40,6 +40,7 @@ from aatri.errors import ConvergenceError
 from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.ties import BODY
+from aatri.orientation.bodies.limits import FAR_LESS, FIFTH_OF_FOUR, MISFIT_OF_RIGHT
 
 if TYPE_CHECKING:
     from aatri.artifacts.strips import Strips
@@ -47,21 +48,8 @@ if TYPE_CHECKING:
 
 GROWTH = 0.05
 
-MISFIT_OF_RIGHT = 0.005
-"""Misfit, as a share of the distance between images and points, that nothing of right ids, units and axes has: a tenth
-of what the bundle can begin from (docs/convergence.md)."""
-
-FARTHEST_START = 10 * MISFIT_OF_RIGHT
-"""Misfit from which the bundle begins: a principal distance a tenth off leaves 4 to 5 %, and from 0.7 to 1.3 times it
-the bundle ends right (docs/convergence.md, the bent valley). Of other causes as large its own tests tell."""
-
 NAMED = 3
 """So many bodies are named where they do not fit."""
-
-FIFTH_OF_FOUR, FAR_LESS = 0.2**4, 0.5
-"""Of the r-th power of a share of a deformation, and of the share itself, below which what was left out bent the body:
-a fifth of four residuals, and of many no more than a half. The fourth part of normal residuals that is farthest off
-leaves 0.61 of their RMS to the others, by itself: (1 - 2 z phi(z) / 0.75)^0.5 with z = 1.15, beyond which that is."""
 
 CALLED = {
     "control": "control point {1}",

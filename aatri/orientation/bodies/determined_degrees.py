@@ -4,8 +4,8 @@ It begins at the degree asked for, for plan (a and b) and height (c) of every st
 are determined:
 
 - by rank: eigenvalues of the unit-diagonal normal matrix below `RANK`; the strips in their null vectors fall by one;
-- by sense: a strip falls if the corrections of its points, RMS, would be less precise than `WORST` times a single point
-  of a strip: it would extrapolate.
+- by sense: a strip falls if the corrections of its points, RMS, would be less precise than `WORST_EXTRAPOLATION` times
+  a single point of a strip: it would extrapolate.
 
 Both are judged with equal weights of all strips' points and control held, so that they depend on geometry alone: then
 plan and height have nothing to do with each other. N is what the elimination of the ground points leaves.
@@ -30,9 +30,9 @@ from aatri.errors import InputError
 from aatri.geometry.strip_bases import SECOND_DEGREE, StripBasis
 from aatri.ids import shown
 from aatri.options import LimitOfTies, Options, Reliability
+from aatri.orientation.bodies.limits import WORST_EXTRAPOLATION
 
 RANK = 1e-7
-WORST = 2.0
 HELD = 1e-2
 """Standard deviation of control, as a share of that of the strips' points."""
 
@@ -204,5 +204,5 @@ def _extrapolating(N: Float, kept: Int, part: int, products: Float, count: Int) 
         spread = float((Q[np.ix_(of_strip, of_strip)] * mean).sum())
         factor[k] = np.sqrt(spread / (2 - part)) if count[k] else np.inf
     # Strips hang together: with one that extrapolates fall those that nearly do, or its misfit would go to them.
-    lower = (factor > WORST / 2) & (factor.max() > WORST)
+    lower = (factor > WORST_EXTRAPOLATION / 2) & (factor.max() > WORST_EXTRAPOLATION)
     return {int(k): f"corrections {factor[k]:.1f} times less precise than a point" for k in np.flatnonzero(lower)}

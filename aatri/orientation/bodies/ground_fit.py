@@ -14,16 +14,9 @@ from aatri.observations.control import KIND as CONTROL
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bodies.absolute import OrientedBody
 from aatri.orientation.bodies.absolute_datum import OrientedPart, free_images, pooled
-from aatri.orientation.bodies.deformation import (
-    FARTHEST_START,
-    Misfit,
-    distance_m,
-    most_models,
-    names_of,
-    rms_m,
-    sigma0_notes,
-)
+from aatri.orientation.bodies.deformation import Misfit, distance_m, most_models, names_of, rms_m, sigma0_notes
 from aatri.orientation.bodies.height_factor import height_factor
+from aatri.orientation.bodies.limits import FARTHEST_START, VERTICAL_COSINE
 from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
 
 if TYPE_CHECKING:
@@ -33,10 +26,6 @@ if TYPE_CHECKING:
 
 WORST = 5
 """So many observations are named where strips and control do not fit."""
-
-VERTICAL = np.cos(np.radians(10.0))
-"""Cosine of the largest tilt of images at which a stretch along their axes is one of the heights: at t it is short by
-1 - cos t (1.5 %), and shifts plan by sin t of it (17 %)."""
 
 CHECK_DISTANCE = "check principal distance and pixel size, both in mm, and unit and reference of the heights"
 
@@ -177,7 +166,7 @@ def _stretch(block: Block, body: OrientedBody) -> str:
     ]
     c_mm = np.unique(block.cameras.principal_distance_mm[block.images.camera])
     share = f"{factor.factor:.3f} (+- {factor.sigma:.2g}) times as much as those of the models"
-    oblique = np.nanmedian(body.state[POSE].ground_from_image[:, 2, 2]) < VERTICAL
+    oblique = np.nanmedian(body.state[POSE].ground_from_image[:, 2, 2]) < VERTICAL_COSINE
     if len(levels_m) < 2 or len(c_mm) > 1 or oblique:
         return f"given heights vary {share}: their unit or a principal distance is wrong"
     off_m = (levels_m[1] - levels_m[0]) * (1 / factor.factor - 1)

@@ -32,8 +32,8 @@ from aatri.observations.relative.differences import DISTANCE as RELATIVE
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.datum_analysis import OpenDatumError
 from aatri.orientation.bodies.datum_start import Observe
-from aatri.orientation.bodies.deformation import MISFIT_OF_RIGHT
 from aatri.orientation.bodies.free_body import LEVEL_RAD, FreeBody, concerning, levelled
+from aatri.orientation.bodies.limits import HARDLY_DETERMINED, MISFIT_OF_RIGHT
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -46,10 +46,6 @@ USES = tuple(name for name in (*catalogue.USES, "undulation", "earth_curvature:f
 
 LEFT_TO_THE_BUNDLE = ("image_points", "ground_point_covariances", "geodetic_covariances")
 """Tables that say nothing of free bodies."""
-
-HARDLY = 1e-4
-"""Motions with a lambda above this (errors of control magnified less than 100 times) may start a bundle, which tells
-how well they are known, where nothing better is there; see `datum_analysis`."""
 
 NEIGHBOUR = "neighbour"
 """Kind of the points that bodies on the ground give others."""
@@ -170,7 +166,7 @@ def oriented_by(
     ways: list[tuple[tuple[str, ...], float]] = [(first, settings.weakest)]
     ways += [((*first, ATTITUDE), settings.weakest)] if ATTITUDE in kinds else []
     if kinds - {*first, ATTITUDE}:  # shapes, angles, lines tell from nearby, more exactly than coordinates do
-        ways.append((tuple(kinds | {*first, ATTITUDE}), min(settings.weakest, HARDLY)))
+        ways.append((tuple(kinds | {*first, ATTITUDE}), min(settings.weakest, HARDLY_DETERMINED)))
     images, points, failed = ground.block.images.id, ground.block.points.id, list[GeometryError | ConvergenceError]()
     strained = list[OrientedBody]()
     drifts = ((True, True), (False, True), (False, False)) if _drifting(ground, body) else ((True, True),)

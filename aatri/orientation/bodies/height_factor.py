@@ -20,6 +20,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Bool, Float
+from aatri.orientation.bodies.limits import (
+    FACTOR_LEAVES,
+    FACTOR_SIGMA,
+    FLAT_RELIEF,
+    NEAR_FACTOR,
+    NO_LENS_FACTOR,
+    SPARE_HEIGHTS,
+)
 from aatri.units import FOOT_M, LENGTH_M
 
 KNOWN = {
@@ -35,25 +43,6 @@ UNKNOWN = (
     "check the unit of the heights, and principal distance and pixel size, both in mm",
 )
 """Cause and remedy of any other factor."""
-
-FLAT = 1e-5
-"""Heights that differ by less than this share of the extent, a centimetre a kilometre, are of no other unit: a flat
-model has a relief of its own errors alone."""
-
-SPARE = 2
-"""Heights beyond the four that the factor takes."""
-
-EXPLAINED = 0.3
-"""Share of the residuals that may be left."""
-
-RELATIVE_SIGMA = 0.07
-"""A factor is told if it is known to this share of itself, and if 1 is ten standard deviations away."""
-
-NEAR = 0.1
-"""A factor so near to a known one, as a share of it, is that: a lens that bends the model takes it a little away."""
-
-SURELY = 2.0
-"""A factor, or its inverse, beyond this is no matter of a calibration."""
 
 LEVEL = (
     "are all alike, and those of the model are not",
@@ -76,7 +65,7 @@ class HeightFactor:
     @property
     def certain(self) -> bool:
         """Whether this is no matter of a calibration."""
-        return self.factor != 0.0 and not 1 / SURELY <= self.factor <= SURELY
+        return self.factor != 0.0 and not 1 / NO_LENS_FACTOR <= self.factor <= NO_LENS_FACTOR
 
     def __str__(self) -> str:
         if self.factor == 0.0:
@@ -109,7 +98,7 @@ def height_factor(
         None where the heights fit, or do not tell.
     """
     plan, heights = has_coordinate[:, :2].all(axis=1), has_coordinate[:, 2]
-    if plan.sum() < 2 or heights.sum() < 4 + SPARE:
+    if plan.sum() < 2 or heights.sum() < 4 + SPARE_HEIGHTS:
         return None
     scale = _scale_in_plan(model_m[plan], given_m[plan])
     x = (model_m[heights] - model_m[heights].mean(axis=0)) * scale
@@ -118,22 +107,22 @@ def height_factor(
     weight = least / np.maximum(sigma_Z, least)
     Z, z = weight * given_m[heights, 2], weight * x[:, 2]
     tilt = weight[:, None] * np.column_stack([np.ones(len(x)), x[:, :2]])
-    at_one, flat_m = _residuals(tilt, Z - z), FLAT * np.ptp(x[:, :2], axis=0).max()
+    at_one, flat_m = _residuals(tilt, Z - z), FLAT_RELIEF * np.ptp(x[:, :2], axis=0).max()
     if np.abs(at_one).max() < flat_m:
         return None
     if np.ptp(given_m[heights, 2]) < flat_m:  # of no unit; nobody has measured them, or the model is bent
         return None if sigma_Z.any() else HeightFactor(0.0, 0.0, *LEVEL)
     left = _residuals(np.column_stack([z, tilt]), Z)
-    if not np.linalg.norm(left) < EXPLAINED * np.linalg.norm(at_one):
+    if not np.linalg.norm(left) < FACTOR_LEAVES * np.linalg.norm(at_one):
         return None
     relief = _residuals(tilt, z)
     factor = float(relief @ Z / (relief @ relief))
     error = np.hypot(np.linalg.norm(left) / np.sqrt(len(x) - 4), np.median(weight * sigma_Z))
     sigma = float(error / np.linalg.norm(relief))
-    if sigma > RELATIVE_SIGMA * abs(factor) or abs(factor - 1) < 10 * sigma:
+    if sigma > FACTOR_SIGMA * abs(factor) or abs(factor - 1) < 10 * sigma:
         return None
     near = min(KNOWN, key=lambda of_unit: abs(factor - of_unit))
-    met = abs(factor - near) <= max(3 * sigma, NEAR * abs(near))
+    met = abs(factor - near) <= max(3 * sigma, NEAR_FACTOR * abs(near))
     return HeightFactor(factor, sigma, *(KNOWN[near] if met else UNKNOWN))
 
 

@@ -11,7 +11,7 @@ of
     N z = lambda M z
 
 move the bodies by 1 (RMS) with a standard deviation of 1 / sqrt(lambda): bodies that move by what is known worse than
-to `UNKNOWN` of their extent are not determined.
+to `UNKNOWN_MOTION` of their extent are not determined.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -41,18 +41,12 @@ from aatri.orientation.bodies.datum_start import (
     typical_distance,
     weighed,
 )
-from aatri.orientation.bodies.deformation import FARTHEST_START
 from aatri.orientation.bodies.free_body import FreeBody, state_of
-
-UNKNOWN = 0.1
-"""Standard deviation of a motion of bodies, as a share of their extent, beyond which it is not determined."""
+from aatri.orientation.bodies.limits import FARTHEST_START, MOVED_SHARE, UNKNOWN_MOTION
 
 DAMPING, SMALLEST_DAMPING, LARGEST = 1e-3, 1e-9, 1e8
 """Of the first step, as a share of the diagonal; below which rounding would decide, and beyond which no step reduces
 the cost."""
-
-MOVES = 0.1
-"""Share of an open motion above which it moves a body."""
 
 EXACT = 1e-6
 """Least standard deviation of points that are shared, as a share of their distance: exact ones are weighed so."""
@@ -264,6 +258,6 @@ def _determined(bodies: Sequence[FreeBody], observes: Sequence[Observe], to: Pla
     M = block_diag(*(np.mean(g.swapaxes(1, 2) @ g, axis=0) for g in G))
     J = _equations(bodies, {k: _weighed(observes[k](s)) for k, s in to.items()}, to)[1]
     values, z = eigh(J.T @ J, M + RIDGE * np.trace(M) / len(M) * np.eye(len(M)))
-    open_z = z[:, values * (UNKNOWN * extent) ** 2 < 1.0].reshape(len(to), 7, -1)
+    open_z = z[:, values * (UNKNOWN_MOTION * extent) ** 2 < 1.0].reshape(len(to), 7, -1)
     moved = [np.linalg.norm(g @ z_k, axis=1).max(initial=0.0) for g, z_k in zip(G, open_z)]
-    return {k: s for (k, s), by in zip(to.items(), moved) if by < MOVES}
+    return {k: s for (k, s), by in zip(to.items(), moved) if by < MOVED_SHARE}

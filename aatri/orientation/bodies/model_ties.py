@@ -40,6 +40,7 @@ from aatri.geometry.similarity import IDENTITY, Similarity, motions, transform, 
 from aatri.observations.observed import Observed, named
 from aatri.observations.poses import POINT
 from aatri.observations.ties import BODY, Ties
+from aatri.orientation.bodies.limits import FEWEST_COMMON_OF_MODELS
 from aatri.orientation.bodies.similarity_ties import LABELS, Similarities, moved, turned_spectrum
 
 if TYPE_CHECKING:
@@ -52,9 +53,6 @@ LATENT_LABELS = tuple(f"error of the relative orientation {k + 1}" for k in rang
 PLAN = np.array([1, 1, 0, 0, 0, 1, 1] + [0] * LATENT, dtype=bool)
 HEIGHT = np.array([0, 0, 1, 1, 1, 0, 0] + [1] * LATENT, dtype=bool)
 """Unknowns of the plan step (shift, rotation about Z, scale) and of the height step, in order of a model's block."""
-
-FEWEST = 3
-"""Common points from which on two models make one."""
 
 Unit = tuple[int, ...]
 """Rows of one or two models."""
@@ -168,7 +166,7 @@ def _joined(models: Models, a: int, b: int) -> Similarity | None:
     o, p = models.orientations, models.model_points
     rows_a, rows_b = (np.flatnonzero((p.model == k) & p.active) for k in (a, b))
     _, in_a, in_b = np.intersect1d(p.point[rows_a], p.point[rows_b], return_indices=True)
-    if len(in_a) < FEWEST:
+    if len(in_a) < FEWEST_COMMON_OF_MODELS:
         return None
     away = np.linalg.norm(p.xyz[rows_a[in_a]] - o.base[a], axis=1)
     scale = float(np.median(away / np.linalg.norm(p.xyz[rows_b[in_b]], axis=1)))

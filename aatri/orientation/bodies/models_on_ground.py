@@ -20,11 +20,9 @@ from aatri.observations.poses import Poses
 from aatri.orientation.bodies.absolute import OrientationSettings, Start, orient_body
 from aatri.orientation.bodies.common_datum import PlacedBody, undetermined_bodies
 from aatri.orientation.bodies.component_growth import BodyPoints
-from aatri.orientation.bodies.components import TIE_LIMIT, Component, FreeBlock, join_strips, strip_names
+from aatri.orientation.bodies.components import Component, FreeBlock, join_strips, strip_names
 from aatri.orientation.bodies.free_body import LEVEL_RAD, FreeBody, concerning, levelled
-
-START_LIMIT = 5.0
-"""Test statistic of wrong control where a component is laid onto it, in sigma: as in the absolute orientation."""
+from aatri.orientation.bodies.limits import START_LIMIT, TIE_LIMIT
 
 
 @dataclass

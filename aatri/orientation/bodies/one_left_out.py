@@ -18,9 +18,10 @@ from aatri.ids import shown
 from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
-from aatri.orientation.bodies.datum_analysis import UNDETERMINED, OpenDatumError
+from aatri.orientation.bodies.datum_analysis import OpenDatumError
 from aatri.orientation.bodies.free_body import FreeBody
 from aatri.orientation.bodies.ground_observed import PLACES, GroundObserved, everything, oriented_by
+from aatri.orientation.bodies.limits import UNDETERMINED_MOTION
 
 MOST_LEFT_OUT_IN_TURN = 12
 """Where there are more observations that are no coordinates, none is left out: each takes an orientation of its own,
@@ -44,7 +45,7 @@ def oriented_by_the_others(
     GeometryError, ConvergenceError
         The failure of `oriented_by`, or with the names of several of which one is wrong.
     """
-    if isinstance(failure, OpenDatumError) or settings.weakest < UNDETERMINED:  # the latter: tried before
+    if isinstance(failure, OpenDatumError) or settings.weakest < UNDETERMINED_MOTION:  # the latter: tried before
         raise failure
     single = [
         (o, row)

@@ -20,10 +20,7 @@ from scipy.sparse.csgraph import connected_components
 
 from aatri.arrays import Float, Int
 from aatri.geometry.strip_bases import StripAxes
-
-WEAK = 1e-7
-"""Eigenvalue, of a normal matrix of unit diagonal, below which common points do not tie: such strips were not joined,
-and went to the ground on their own."""
+from aatri.orientation.bodies.limits import WEAK_TIE
 
 SIZE = 7
 """Unknowns of a similarity: three shifts, scale, azimuth, two tilts, all in m at the edges of a strip."""
@@ -88,7 +85,7 @@ def taken_up(N_ties: csr_array, N: csr_array, s: Int, z: Int, axes: Sequence[Str
     scale = np.sqrt(np.where(M.diagonal() > 0, M.diagonal(), least))
     together = np.linalg.qr(motions(axes, connected_components(tied)[1]) * scale[:, None])[0]
     w, V = np.linalg.eigh(M / np.outer(scale, scale) + together @ together.T)
-    strong, V = w > WEAK, V / scale[:, None]
+    strong, V = w > WEAK_TIE, V / scale[:, None]
     err = -(V[:, strong] / w[strong]) @ (N_ties[z][:, s] @ V[:, strong]).T
     moved = np.concatenate([together / scale[:, None], V[:, ~strong]], axis=1)
     of_similarities, of_deformations = N[s][:, s] @ moved, N[z][:, s] @ moved

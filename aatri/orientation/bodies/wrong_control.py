@@ -1,9 +1,9 @@
 """Control that is wrong in a way which spoils the start of a body: two numbers exchanged, an axis mirrored.
 
 A similarity of all that is known in full, control and positions, is fitted as given, and with each two control points
-exchanged. Two are exchanged if that leaves less than `EXPLAINED` of the sum of distances, and no other two leave less
-than `SECOND` times as much. Points in a plane may fit mirrored, too: what makes the images look upwards is none. They
-do not take part in the start, and are held against the orientation by the others.
+exchanged. Two are exchanged if that leaves less than `EXCHANGE_LEAVES` of the sum of distances, and no other two leave
+less than `SECOND_LEAVES` times as much. Points in a plane may fit mirrored, too: what makes the images look upwards is
+none. They do not take part in the start, and are held against the orientation by the others.
 
 Where few points are known in full the others, distances, attitudes, positions that drift ... tell too
 (`exchanged_by_all`): all that is observed is adjusted as given, and with each two control points exchanged, and sums of
@@ -30,7 +30,6 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.datum_analysis import GivenPlaces, given_places
 from aatri.orientation.bodies.datum_start import (
     ITERATIONS,
-    UPWARDS,
     Observe,
     closed_start,
     fitted,
@@ -38,32 +37,28 @@ from aatri.orientation.bodies.datum_start import (
     searched_start,
 )
 from aatri.orientation.bodies.free_body import FreeBody, state_of
-
-EXPLAINED, SECOND = 0.1, 2.0
-
-FEWEST, MOST = 5, 40
-"""Points without which two cannot be told, three must be left; more than the latter are no matter of two numbers."""
-
-MOST_BY_ALL, MOST_SEARCHED, SPARE = 12, 4, 4
-"""Control points of which each two are tried by all observations, and where all headings are tried for each two; the
-least redundancy, as two of three points alone would be exchanged by chance."""
+from aatri.orientation.bodies.limits import (
+    CLEARLY_UPWARDS,
+    EXCHANGE_LEAVES,
+    FEWEST_FOR_EXCHANGE,
+    FEWEST_MIRRORED,
+    FLAT_CONTROL,
+    MIRRORED_CLEARLY,
+    MOST_BY_ALL,
+    MOST_FOR_EXCHANGE,
+    MOST_SEARCHED,
+    SECOND_LEAVES,
+    SPARE_FOR_EXCHANGE,
+    TRIANGLE,
+    UPWARDS,
+)
 
 FEW_ITERATIONS, BESIDE = 10, 40
 """An exchange that explains all ends after two or three iterations, what does not leaves far more; positions that are
 fitted beside the control: so many, evenly taken, show which two are exchanged."""
 
-CLEARLY_UPWARDS = 0.17
-"""Sine of the elevation, 10 degrees, above which images look upwards in the mean where the control says so too."""
 
-TRIANGLE, FEWEST_MIRRORED, CLEARLY = 3, 5, 0.2
-"""So many points always fit mirrored; fewer full points than the second do not say whether mirrored ones fit better,
-by a misfit of less than this share."""
-
-FLAT = 1e-3
-"""Misfit, as a share of the extent, of points that fit, or lie in a plane and fit either way."""
-
-
-def exchanged_of(places: GivenPlaces, up: Float | None, fewest: int = FEWEST) -> Int:
+def exchanged_of(places: GivenPlaces, up: Float | None, fewest: int = FEWEST_FOR_EXCHANGE) -> Int:
     """Two control points with each other's number, among places known in full; none otherwise.
 
     Parameters
@@ -78,7 +73,7 @@ def exchanged_of(places: GivenPlaces, up: Float | None, fewest: int = FEWEST) ->
 
 
 def exchanged_control(
-    x: Float, X: Float, n_control: int | None = None, fewest: int = FEWEST, up: Float | None = None
+    x: Float, X: Float, n_control: int | None = None, fewest: int = FEWEST_FOR_EXCHANGE, up: Float | None = None
 ) -> Bool:
     """Which of some points are exchanged, (n,): two of them, or none.
 
@@ -95,7 +90,7 @@ def exchanged_control(
     """
     exchanged = np.zeros(len(x), dtype=bool)
     control = len(x) if n_control is None else n_control
-    if not 2 <= control <= MOST or len(x) < fewest or not np.ptp(x, axis=0).any():
+    if not 2 <= control <= MOST_FOR_EXCHANGE or len(x) < fewest or not np.ptp(x, axis=0).any():
         return exchanged
     step = max(1, (len(x) - control) // BESIDE)
     sample = np.append(np.arange(control), np.arange(control, len(x), step))
@@ -115,7 +110,7 @@ def exchanged_control(
         left.append((misfit(order), a, b))
     left.sort()
     second = left[1][0] if len(left) > 1 else np.inf
-    if left[0][0] < EXPLAINED * misfit(as_given) and second > SECOND * left[0][0]:
+    if left[0][0] < EXCHANGE_LEAVES * misfit(as_given) and second > SECOND_LEAVES * left[0][0]:
         exchanged[list(left[0][1:])] = True
     return exchanged
 
@@ -140,7 +135,7 @@ def exchanged_by_all(
     components = np.concatenate([none, *(observed_components(o).sum(axis=1) for o in observed)])
     own = sum(int(u.free.sum()) for o in observed for u in o.unknowns)
     redundancy = int(components[use].sum()) - own - 7
-    if not 2 <= len(control) <= MOST_BY_ALL or redundancy < SPARE:
+    if not 2 <= len(control) <= MOST_BY_ALL or redundancy < SPARE_FOR_EXCHANGE:
         return none
 
     def cost(of: FreeBody, use: Bool, iterations: int, *, searched: bool = len(control) <= MOST_SEARCHED) -> float:
@@ -166,18 +161,20 @@ def exchanged_by_all(
         return cost(ordered, without_rays(a, b), iterations)
 
     of_positions = cost(body, use & (kind == POSITION) & ~exact, ITERATIONS, searched=False)
-    if np.isfinite(of_positions) and of_positions >= EXPLAINED * cost(body, use, ITERATIONS):  # whichever is exchanged
+    if np.isfinite(of_positions) and of_positions >= EXCHANGE_LEAVES * cost(
+        body, use, ITERATIONS
+    ):  # whichever is exchanged
         return none
     pairs = list(combinations(control.tolist(), 2))
     costs = [exchanged(a, b, FEW_ITERATIONS) for a, b in pairs]
     k = int(np.argmin(costs))
     best, as_given = costs[k], cost(body, without_rays(*pairs[k]), ITERATIONS)
-    if not best < EXPLAINED * as_given:
+    if not best < EXCHANGE_LEAVES * as_given:
         return none
     if 2.0 * best > MAX_SIGMA0**2 * redundancy:  # no fit, only less bad: the others are followed to their ends
         costs = [exchanged(a, b, ITERATIONS) for a, b in pairs]
     second = np.partition(costs, 1)[1] if len(costs) > 1 else np.inf
-    return np.array(pairs[k]) if second > SECOND**2 * best else none
+    return np.array(pairs[k]) if second > SECOND_LEAVES**2 * best else none
 
 
 class MirroredError(GeometryError):
@@ -223,8 +220,8 @@ def _fits_as_a_whole_mirrored(places: GivenPlaces) -> str:
     if len(full.row) <= TRIANGLE:
         return ""
     as_it_is, other = (_misfits_m(full, full.observed_m * [1, 1, sign])[1] for sign in (1, -1))
-    fits_m = FLAT * float(np.linalg.norm(np.ptp(full.observed_m, axis=0)))
-    return "control fits it mirrored only" if other < fits_m < CLEARLY * as_it_is else ""
+    fits_m = FLAT_CONTROL * float(np.linalg.norm(np.ptp(full.observed_m, axis=0)))
+    return "control fits it mirrored only" if other < fits_m < MIRRORED_CLEARLY * as_it_is else ""
 
 
 def _mirrored(kept: GivenPlaces, to: Similarity, up: Float | None) -> str:
@@ -243,9 +240,9 @@ def _mirrored(kept: GivenPlaces, to: Similarity, up: Float | None) -> str:
     if len(full.row) >= FEWEST_MIRRORED:
         as_it_is, other = (_misfits_m(full, full.observed_m * [1, 1, sign]) for sign in (1, -1))
         extent_m = float(np.linalg.norm(np.ptp(full.observed_m, axis=0)))
-        if ((other < CLEARLY * as_it_is) & (as_it_is > FLAT * extent_m)).any():
+        if ((other < MIRRORED_CLEARLY * as_it_is) & (as_it_is > FLAT_CONTROL * extent_m)).any():
             return text if steep > CLEARLY_UPWARDS else "control and positions fit it mirrored only"
-        if as_it_is[0] < CLEARLY * other[0]:
+        if as_it_is[0] < MIRRORED_CLEARLY * other[0]:
             return ""
     return text if steep > UPWARDS else ""
 

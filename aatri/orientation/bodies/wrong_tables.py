@@ -13,7 +13,8 @@ from aatri.observations.control import KIND as CONTROL
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.datum_analysis import GivenPlaces
 from aatri.orientation.bodies.height_factor import KNOWN
-from aatri.orientation.bodies.wrong_control import CLEARLY, FEWEST_MIRRORED, FLAT, TRIANGLE, refuse_mirrored
+from aatri.orientation.bodies.limits import FEWEST_MIRRORED, FLAT_CONTROL, MIRRORED_CLEARLY, TRIANGLE
+from aatri.orientation.bodies.wrong_control import refuse_mirrored
 from aatri.units import length
 
 ONE_ROW = "move the positions in exterior.csv by one row: an image without a position, or a position without an image"
@@ -36,7 +37,7 @@ def one_row_off(places: GivenPlaces) -> str:
     as_given, extent = misfit_m(rows, rows), float(np.linalg.norm(np.ptp(full.observed_m[rows], axis=0)))
     later, earlier = (misfit_m(rows[:-1], rows[1:]), *rows[:2]), (misfit_m(rows[1:], rows[:-1]), *rows[:-3:-1])
     moved, image, row = min(later, earlier)
-    if not moved < CLEARLY * as_given or as_given <= FLAT * extent:
+    if not moved < MIRRORED_CLEARLY * as_given or as_given <= FLAT_CONTROL * extent:
         return ""
     return (
         f"the positions stand one row off in their table: that of {full.name[row]} fits {full.name[image]}, and so on "
@@ -63,4 +64,4 @@ def _fits_with(control: GivenPlaces, factor: float) -> bool:
     """Whether a body fits most of the control, its heights multiplied by a factor: a point may be wrong by itself."""
     X = control.observed_m * [1.0, 1.0, factor]
     off_m = robust_closed_form(control.xyz, X)[1]
-    return bool(np.median(off_m) < FLAT * np.linalg.norm(np.ptp(X, axis=0)))
+    return bool(np.median(off_m) < FLAT_CONTROL * np.linalg.norm(np.ptp(X, axis=0)))

@@ -25,22 +25,14 @@ from aatri.observations.image_points import observed_image_points
 from aatri.observations.observed import Observed
 from aatri.observations.parameters import ParameterRows
 from aatri.orientation.bundle.block import BundleInput, start_of
+from aatri.orientation.bundle.limits import FARTHEST_ADJUSTED, NEARLY_ADJUSTED
 from aatri.orientation.bundle.result import Adjust, BundleResult, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock
-
-NEAR = 3.0
-"""Median of |v| / sigma up to which the coordinates computed from a start are adjusted ones: a lens whose correction
-changes by 3 % of a distance (1 mm at 100 mm, with the third power) has terms there that are 0.1 sigma off."""
 
 SAME, IDEAL_MM = 1e-4, 1e-6
 """Change of a parameter, in its standard deviations, and of a correction at ideal coordinates, that is none."""
 
 MOST_ROUNDS = 10
-
-FARTHEST = 0.1
-"""Part of c by which each adjusted coordinate is at most off the measured one. A start that fits is off by `NEAR`
-standard deviations, 30 um or 0.0003 c of film; at 0.1 c (6 degrees) the point is another one, and the seventh power of
-a coordinate metres off would outweigh all others of its column."""
 
 
 def adjusted_with_terms(block: BundleInput, adjust: Adjust, roughly: Adjust) -> BundleResult:
@@ -55,7 +47,7 @@ def adjusted_with_terms(block: BundleInput, adjust: Adjust, roughly: Adjust) -> 
     """
     if not _has_terms(block):
         return adjust(block)
-    formed = _formed(block, start_of(block), NEAR)
+    formed = _formed(block, start_of(block), NEARLY_ADJUSTED)
     if formed is None:
         rough = roughly(block)
         formed = _formed(from_result(block, rough), rough.adjusted.state)
@@ -106,7 +98,7 @@ def _formed(block: BundleInput, state: State, most: float = np.inf) -> BundleInp
     size = np.abs(v[used]) / o.records.sigmas()[used]
     if 2 * used.sum() < o.records.active.sum() or not size.size or np.median(size) > most:
         return None
-    farthest_mm = FARTHEST * block.rays.c_mm[:, None]
+    farthest_mm = FARTHEST_ADJUSTED * block.rays.c_mm[:, None]
     v = np.clip(v, -farthest_mm, farthest_mm)
     xy_mm = np.where(np.isfinite(block.rays.xy_mm + v), block.rays.xy_mm + v, 0.0)
     correction = np.zeros_like(xy_mm)

@@ -14,8 +14,9 @@ from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.intersection import intersect_rays
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
-from aatri.orientation.resection.adjustment import MIN_POINTS, resect_images
-from aatri.orientation.resection.start import FEWEST, LEAST_SHARE, WIDE_RAD, linear_orientation, start_orientation
+from aatri.orientation.resection.adjustment import resect_images
+from aatri.orientation.resection.limits import FEWEST_LINEAR, LEAST_FITTING, MIN_POINTS, WIDE_RAD
+from aatri.orientation.resection.start import linear_orientation, start_orientation
 
 MOST_PARTNERS = 8
 """Rays of a point with which each of them is tried."""
@@ -64,7 +65,7 @@ def _as_offered(rays: ImagePointRows, poses: Poses, offered: Poses) -> Poses:
         (_off_mm(rays, candidate_poses, both, met) <= WIDE_RAD * rays.c_mm[both]).reshape(-1, 2).all(axis=1).repeat(2)
     )
     total, count = (np.bincount(rays.image[np.unique(rows)], minlength=n) for rows in (both, both[fits]))
-    return offered.where(candidates & (count >= MIN_POINTS) & (count >= (1.0 - LEAST_SHARE) * total), poses)
+    return offered.where(candidates & (count >= MIN_POINTS) & (count >= (1.0 - LEAST_FITTING) * total), poses)
 
 
 def _pairs(rays: ImagePointRows, use: Int) -> Int:
@@ -159,7 +160,7 @@ def _resected(rays: ImagePointRows, poses: Poses, xyz_m: Float, linear: bool, of
         start = start_orientation(
             *image_data,
             area_mm2=float(np.prod(np.ptp(of_this_c, axis=0))),
-            other_starts=() if linear_start is None else ((FEWEST, linear_start),),
+            other_starts=() if linear_start is None else ((FEWEST_LINEAR, linear_start),),
             offered=(offered.position_m[image], offered.ground_from_image[image]),
         )
         if start is not None:

@@ -37,14 +37,9 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import nearest_rotation, skew
 from aatri.geometry.similarity import motions_about
 from aatri.observations.poses import POINT, POSE, Poses
-
-OPEN = 1e-8
-"""A direction is open if no observation changes by more than this share of it."""
+from aatri.orientation.bundle.limits import NEARLY_SAME_COST, OPEN_DIRECTION, SAME_COST
 
 MOST_MOVES = 100
-
-SAME_COST = 1e-6
-"""Largest relative change of the cost by a movement that no observation should see."""
 
 
 @dataclass(frozen=True)
@@ -77,10 +72,6 @@ class FreeDatum:
         none = np.zeros_like(point)
         points = {"points": point, "images": none, "marked": point & marked}[over]
         return FreeDatum(unknowns, records, start, part, {POSE: image & (over == "images"), POINT: points}, absent)
-
-
-NEARLY_SAME_COST = 1e-12
-"""The same, below which all that moves has followed exactly."""
 
 
 def with_minimum_datum(free: FreeDatum) -> list[Unknowns]:
@@ -222,7 +213,7 @@ def _without_effect(H: Mapping[str, Float]) -> Float:
     """Directions in which nothing moves, (7, 7): the tilts of a plane network."""
     everything = np.concatenate([h.reshape(-1, 7) for h in H.values()])
     _, values, vectors = np.linalg.svd(np.linalg.qr(everything, mode="r"))
-    return np.asarray(vectors * (np.pad(values, (0, 7 - len(values))) <= OPEN * values[0])[:, None])
+    return np.asarray(vectors * (np.pad(values, (0, 7 - len(values))) <= OPEN_DIRECTION * values[0])[:, None])
 
 
 def _shift_along(free: FreeDatum, state: State, H: Mapping[str, Float], V: Float) -> Float:
@@ -234,7 +225,7 @@ def _shift_along(free: FreeDatum, state: State, H: Mapping[str, Float], V: Float
         G = H[group][carriers, :3] @ V
         normal += np.einsum("nki,nkj->ij", G, G)
         right_hand_side += np.einsum("nki,nk->i", G, shift[group][carriers])
-    if not np.linalg.eigvalsh(normal)[0] > OPEN * _size(free, state)[1] ** 2:
+    if not np.linalg.eigvalsh(normal)[0] > OPEN_DIRECTION * _size(free, state)[1] ** 2:
         count = int(sum(carriers.sum() for _, carriers in carrying))
         raise GeometryError(
             f"the {count} images and points of the datum do not carry the {V.shape[1]} components that are free",

@@ -27,26 +27,17 @@ from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
+from aatri.orientation.bundle.limits import FAR_SIGMA0, MOST_FRUITLESS, SAME_START
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.orientation.bundle.space_start import start_in_space, turned_over
 from aatri.progress import SILENT, Reporter
 
-FAR_SIGMA0 = 3.0
-"""sigma0 above which an adjustment that did not go straight, by linear steps alone, is tried from elsewhere."""
-
 SAME = 1e-6
 """Costs that agree within this share are those of the same minimum."""
 
-ALIKE = 1e-6
-"""Starts whose rotations agree within so many radians, and places within this share of the block, are the same one."""
-
 TRIALS = ((1e3, True), (1e3, False), (1.0, True), (1.0, False))
 """Factor on the standard deviations of the image points in object space; whether rotations are held at first."""
-
-
-MOST_FRUITLESS = 2
-"""Adjustments of one block that other starts do not better, after which one that converges is taken as it is."""
 
 
 @dataclass
@@ -173,8 +164,10 @@ def _are_alike(start: BundleInput, other: BundleInput) -> bool:
     centres_m = start.poses.position_m[finite_rows(start.poses.position_m)]
     extent_m = float(np.ptp(centres_m, axis=0).max()) if len(centres_m) else 0.0
     places = ((start.poses.position_m, other.poses.position_m), (start.xyz_m, other.xyz_m))
-    return all(np.allclose(a, b, rtol=0.0, atol=ALIKE * extent_m, equal_nan=True) for a, b in places) and np.allclose(
-        start.poses.ground_from_image, other.poses.ground_from_image, rtol=0.0, atol=ALIKE, equal_nan=True
+    return all(
+        np.allclose(a, b, rtol=0.0, atol=SAME_START * extent_m, equal_nan=True) for a, b in places
+    ) and np.allclose(
+        start.poses.ground_from_image, other.poses.ground_from_image, rtol=0.0, atol=SAME_START, equal_nan=True
     )
 
 

@@ -19,11 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Float, Int
-
-TURN_DEG, LONGEST, FEWEST_OF_LINE = 45.0, 3.0, 3
-"""Where a line of flight ends: half of the least turn between the lines of a plan, those that cross at right angles;
-three bases, as images with the textbook's overlap of 60 % have no ground in common beyond 2.5; two images show no
-direction that a third one could keep."""
+from aatri.orientation.bundle.limits import FEWEST_OF_LINE, LEAST_TURN_DEG, LONGEST_STEP
 
 
 @dataclass(frozen=True)
@@ -83,7 +79,7 @@ def flown_lines(position_m: Float, time_s: Float, sequence: Float, camera: Int) 
     """Images that a camera took one after the other on a line, where no strips are declared: rows, line by line.
 
     By time, else by sequence, else as they come. A line ends where the next step turns from the last one by more than
-    `TURN_DEG`, or is longer than `LONGEST` median ones.
+    `LEAST_TURN_DEG`, or is longer than `LONGEST_STEP` median ones.
 
     Parameters
     ----------
@@ -104,7 +100,7 @@ def _lines(placed: Int, position_m: Float, time_s: Float, sequence: Float) -> li
     order = placed[np.argsort(by, kind="stable")]
     step = np.diff(position_m[order], axis=0)
     length = np.linalg.norm(step, axis=1)
-    longest, least_cosine = LONGEST * np.median(length) if len(length) else 0.0, np.cos(np.radians(TURN_DEG))
+    longest, least_cosine = LONGEST_STEP * np.median(length) if len(length) else 0.0, np.cos(np.radians(LEAST_TURN_DEG))
     lines = [order[:1].tolist()]
     for k, row in enumerate(order[1:].tolist()):
         turns = len(lines[-1]) > 1 and step[k] @ step[k - 1] < least_cosine * length[k] * length[k - 1]

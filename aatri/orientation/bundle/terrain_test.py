@@ -7,13 +7,13 @@ plane through its nearest neighbours in plan, by least absolute deviations (weig
 
 q the cofactor of a; s the roughness of the terrain, 1.4826 times the median |Z_j - a_j| of points with three rays and
 more, or of the neighbours where that is larger; where these are farther away than usual it grows with the square of
-their distance, as a plane departs from a curved surface. A point of two rays is doubtful where t exceeds the limit of
-a normal deviate at `ALARM` over the number of points, and `LONGER` times the largest t of the points with three rays:
-breaklines and houses have longer tails than a normal distribution, and those points, which their rays have tested,
-show how long. One that its neighbours do not surround, q > `SURROUNDED`, is held against the heights of all points with
-three rays, and doubtful where it lies `BEYOND` of the flying height, and the limit times sigma_Z, above or below them;
-not where these spread by more than the flying height, as around an object at close range.
-A point with more rays is doubtful only where it also lies off by `FAR` of the flying height, as no terrain does.
+their distance, as a plane departs from a curved surface. A point of two rays is doubtful where t exceeds the limit of a
+normal deviate at `ALARM` over the number of points, and `LONGER_EDGE` times the largest t of the points with three
+rays: breaklines and houses have longer tails than a normal distribution, and those points, which their rays have
+tested, show how long. One that its neighbours do not surround, q > `SURROUNDED`, is held against the heights of all
+points with three rays, and doubtful where it lies `BEYOND_TERRAIN` of the flying height, and the limit times sigma_Z,
+above or below them; not where these spread by more than the flying height, as around an object at close range. A point
+with more rays is doubtful only where it also lies off by `FAR_FROM_TERRAIN` of the flying height, as no terrain does.
 
 Source: Kraus, Photogrammetry, on filtering points against a local surface; docs/methods/gross_errors.md.
 """
@@ -24,14 +24,10 @@ import numpy as np
 
 from aatri.adjustment.statistics.limits import ALARM, limit_of_tests
 from aatri.arrays import Float, Int, finite_rows
-
-LONGER, FAR, BEYOND = 1.5, 0.2, 0.5
+from aatri.orientation.bundle.limits import BEYOND_TERRAIN, FAR_FROM_TERRAIN, LONGER_EDGE, SURROUNDED
 
 NEIGHBOURS, FEWEST, ITERATIONS = 12, 30, 5
 """Neighbours of a point; points with three rays below which there is no terrain; rounds until the plane has settled."""
-
-SURROUNDED = 0.5
-"""Cofactor of the height of a plane above which a point lies outside of its neighbours; of 12 around it it is 0.08."""
 
 MOST = 50_000
 """Points of three rays and more, evenly taken, from which the roughness is found."""
@@ -80,13 +76,13 @@ def off_terrain(xyz_m: Float, sigma_m: Float, rays: Int, flying_height_m: float)
     s2 = (np.maximum(roughness, rough) * spread) ** 2 * (1 + q) + np.nan_to_num(sigma_m[tested]) ** 2
     test = np.where((s2 > 0) & (q <= SURROUNDED), np.abs(height_above_m) / np.sqrt(np.where(s2 > 0, s2, 1.0)), 0.0)
     limit = limit_of_tests(len(tested), ALARM)
-    far = is_firm & (test > limit) & (np.abs(height_above_m) > FAR * abs(flying_height_m))
-    limit = max(limit, LONGER * float(test[is_firm & ~far].max(initial=0.0)))
+    far = is_firm & (test > limit) & (np.abs(height_above_m) > FAR_FROM_TERRAIN * abs(flying_height_m))
+    limit = max(limit, LONGER_EDGE * float(test[is_firm & ~far].max(initial=0.0)))
     heights_m = xyz_m[tested, 2]
     lowest, highest = heights_m[is_firm & ~far].min(), heights_m[is_firm & ~far].max()
     beyond_m = heights_m - np.clip(heights_m, lowest, highest)
     of_own = np.abs(beyond_m) / np.maximum(np.nan_to_num(sigma_m[tested]), 1e-9)
-    least_m = BEYOND * abs(flying_height_m) if highest - lowest <= abs(flying_height_m) else np.inf
+    least_m = BEYOND_TERRAIN * abs(flying_height_m) if highest - lowest <= abs(flying_height_m) else np.inf
     outside = ~is_firm & (q > SURROUNDED) & (np.abs(beyond_m) > least_m) & (of_own > limit)
     doubtful = far | outside | (~is_firm & (test > limit))
     height_above_m, test = np.where(outside, beyond_m, height_above_m), np.where(outside, of_own, test)

@@ -17,15 +17,13 @@ from aatri.errors import ConvergenceError, ResourceError
 from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.limits import RUNAWAY_FACTOR
 from aatri.orientation.bundle.result import Adjust, BundleResult, from_result
 
 SAME = 0.003
 """Relative change of a standard deviation below which it is found."""
 
 ROUNDS = 25
-
-FARTHEST = 1e3
-"""Beyond this factor, or its inverse, a standard deviation runs away: the group cannot be told from the others."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ def variance_components(
         )
     n = len(groups.names)
     initial = sigmas_of_groups(result.observations, result.adjusted.state, groups.number, n)
-    factor, frozen = np.ones(n), initial.factor < 1 / FARTHEST  # these have no residuals
+    factor, frozen = np.ones(n), initial.factor < 1 / RUNAWAY_FACTOR  # these have no residuals
     rescaled, adjusted = inputs, result
     for _ in range(ROUNDS):
         sigmas = sigmas_of_groups(adjusted.observations, adjusted.adjusted.state, groups.number, n)
@@ -78,7 +76,7 @@ def variance_components(
         if np.abs(change - 1).max(initial=0.0) < SAME:
             return replace(sigmas, factor=factor, estimable=~frozen), rescaled, adjusted
         factor = factor * change
-        if (factor > FARTHEST).any() or (factor < 1 / FARTHEST).any():
+        if (factor > RUNAWAY_FACTOR).any() or (factor < 1 / RUNAWAY_FACTOR).any():
             break
         observed = tuple(with_factor(o, number, factor) for o, number in zip(inputs.observed, groups.number))
         rescaled = from_result(replace(inputs, observed=observed), adjusted)

@@ -24,32 +24,23 @@ from aatri.observations.poses import Poses
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.settings import BundleSettings
-from aatri.orientation.graph.triangulation import LIMIT, intersected
+from aatri.orientation.graph.limits import (
+    ALL_SIDES,
+    FEWEST_POINTS,
+    LEAST_FITTING,
+    LEAST_SHOWN,
+    LEAST_SPREAD,
+    TRIM_LIMIT,
+    WIDE_RAD,
+)
+from aatri.orientation.graph.triangulation import intersected
 from aatri.progress import SILENT, Reporter
-
-ALIKE = 0.3
-"""Length of the mean viewing direction below which images look to all sides."""
-
-WIDE_RAD = 0.03
-"""Rays farther off than this before the bundle are left out of it."""
 
 HUBER = 2.0
 """Bound of Huber's loss: 99 % efficient for normal errors (Huber 1981, Robust statistics, 4.5)."""
 
-FEWEST_POINTS = 6
-"""Images with fewer points that fit are not oriented."""
-
 MEDIAN_OF_TWO = 1.1774
 """Median of the length of two standard normal components: sqrt(2 ln 2)."""
-
-LEAST_REDUNDANCY = 0.1
-"""Share of the errors that residuals show at least: with fewer, what is left out says more of them."""
-
-LEAST_SHARE = 0.4
-"""Images of which a smaller share of the points fits in the end are not oriented."""
-
-LEAST_SPREAD = 0.1
-"""Standard deviations stated ten times too large count no more: residuals of made-up points may be zero."""
 
 ITERATIONS = 60
 
@@ -138,7 +129,7 @@ def refined(
     """
     spread, xyz = 1.0, np.full((len(point_ids), 3), np.nan)
     for number, limit_mm in enumerate(limits_mm, 1):
-        limit = limit_mm or LIMIT * max(spread, 1.0) * float(np.median(rays.sigma_mm))
+        limit = limit_mm or TRIM_LIMIT * max(spread, 1.0) * float(np.median(rays.sigma_mm))
         xyz, kept = intersected(rays, poses, limit, xyz)
         few = np.bincount(rays.image[kept], minlength=len(poses.position_m)) < FEWEST_POINTS
         poses, kept = poses.where(~few), kept & ~few[rays.image]
@@ -149,7 +140,7 @@ def refined(
         poses, xyz = _bundled(replace(rays, active=kept), poses, xyz, image_ids, point_ids, tolerance, reporter)
         rows = np.flatnonzero(kept & finite_rows(poses.position_m)[rays.image] & finite_rows(xyz)[rays.point])
         spread = _spread(rays, rows, poses, xyz)
-    limit = LIMIT * max(spread, 1.0) * float(np.median(rays.sigma_mm))
+    limit = TRIM_LIMIT * max(spread, 1.0) * float(np.median(rays.sigma_mm))
     adjusted = xyz
     xyz, kept = intersected(rays, poses, limit, adjusted)
     poses, dropped = _fitting(rays, poses, xyz, kept)
@@ -164,7 +155,7 @@ def _spread(rays: ImagePointRows, rows: Int, poses: Poses, xyz: Float) -> float:
     """Standard deviations over those given: the median residual, whose share of the errors is the redundancy's."""
     off = residuals_mm(rays, rows, poses, xyz) / rays.sigma_mm[rows].mean(axis=1)
     unknowns = 6 * len(np.unique(rays.image[rows])) + 3 * len(np.unique(rays.point[rows])) - 7
-    share = max(1.0 - unknowns / max(2 * len(rows), 1), LEAST_REDUNDANCY)
+    share = max(1.0 - unknowns / max(2 * len(rows), 1), LEAST_SHOWN)
     return float(np.median(off) / MEDIAN_OF_TWO / np.sqrt(share)) if len(rows) else 1.0
 
 
@@ -173,7 +164,7 @@ def _fitting(rays: ImagePointRows, poses: Poses, xyz: Float, kept: Bool) -> tupl
     n = len(poses.position_m)
     visible = rays.active & finite_rows(xyz)[rays.point] & finite_rows(poses.position_m)[rays.image]
     total, fitting_count = (np.bincount(rays.image[rows], minlength=n) for rows in (visible, kept))
-    lost = fitting_count < LEAST_SHARE * total
+    lost = fitting_count < LEAST_FITTING * total
     return poses.where(~lost), int(lost.sum())
 
 
@@ -218,7 +209,7 @@ def first_base_one(component: ImageComponent) -> tuple[ImageComponent, Similarit
     scale = 1.0 / float(base[np.argmax(apart)])
     up = rotation[:, :, 2].mean(axis=0)
     turn = rotation[0].T
-    if np.linalg.norm(up) > ALIKE:
+    if np.linalg.norm(up) > ALL_SIDES:
         turn = levelling(turn @ up) @ turn
     similarity = Similarity(-scale * turn @ centre[0], scale, turn)
     return component.moved(similarity), similarity

@@ -18,6 +18,7 @@ from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
 from aatri.orientation.bodies.free_body import FreeBody
 from aatri.orientation.bodies.ground_observed import NEIGHBOUR, GroundObserved, oriented_by
 from aatri.orientation.graph.component import ImageComponent
+from aatri.orientation.graph.limits import DATUM_SHARE, FREE_DISTANCE_SHARE
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -29,14 +30,6 @@ PRECISION = 3.0
 ACROSS = 0.1
 """Share of a bend that counts across it: a body is not turned more exactly than by this while it is oriented, and where
 its points were known far better across than along, no orientation would settle."""
-
-FREE_SHARE = 0.1
-"""Standard deviation of a principal distance of which nothing is said, as a share of it."""
-
-DATUM_SHARE = 0.1
-"""Standard deviation of approximate coordinates as a share of the extent of the ground points: errors of it turn a
-block by 0.1 rad, from which each trial of docs/convergence.md converges; what is observed more exactly outweighs them.
-"""
 
 
 def body_of(component: ImageComponent, rays: ImagePointRows) -> FreeBody:
@@ -117,7 +110,7 @@ def principal_distance_shares(block: Block, rays: ImagePointRows) -> tuple[Float
     share = np.zeros(len(block.cameras))
     rows = np.flatnonzero(p.name == "principal_distance")
     sigma = np.nan_to_num(p.sigma[rows]) / block.cameras.principal_distance_mm[p.camera[rows]]
-    share[p.camera[rows]] = np.where(p.free[rows], FREE_SHARE, sigma)
+    share[p.camera[rows]] = np.where(p.free[rows], FREE_DISTANCE_SHARE, sigma)
     single, several = np.flatnonzero(images == 1), np.flatnonzero((images > 1) & (share > 0))
     groups = [single] * bool(share[single].any()) + [np.array([k]) for k in several]
     of_ray = block.images.camera[rays.image]

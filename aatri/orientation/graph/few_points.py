@@ -23,20 +23,14 @@ from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.similarity import UNKNOWNS, Similarity, compose, inverse, robust_closed_form, transform, updated
 from aatri.geometry.vectors import unit
 from aatri.observations.image_point_rows import ImagePointRows
-from aatri.orientation.graph.component import WIDE_RAD, ImageComponent
+from aatri.orientation.graph.component import ImageComponent
+from aatri.orientation.graph.limits import FEWEST_COMMON, MOST_COMMON, WEAKEST_COMBINATION, WIDE_RAD
 
 TURNS, START_RAD = 24, 0.15
 """Turns about the line of the common points that are tried; rays that far off take part: half a turn is 0.13."""
 
-FEWEST_COMMON, MOST_COMMON = 2, 12
-"""Common points that give a scale, and those of which each is left out once: of more one wrong turns no start."""
-
 BY_RAY, BY_POINT = 2, 3
 """Conditions of a point that the other component sees once, and of one that it has determined itself."""
-
-WEAKEST = 0.02
-"""Least effect of a combination of the seven unknowns on the rays that fit, as a share of the largest: its error is at
-most fifty times that of the best known one."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +100,7 @@ def by_few_points(
     starts = [max(turned, key=lambda similarity: fitting(similarity, START_RAD)) for turned in of_lines]
     best = max((adjusted(start)[0] for start in starts), key=fitting)
     best, effect = adjusted(best, WIDE_RAD)
-    if fitting(best)[0] < max(fewest, (1.0 - most_wrong) * every) or effect[-1] < WEAKEST * effect[0]:
+    if fitting(best)[0] < max(fewest, (1.0 - most_wrong) * every) or effect[-1] < WEAKEST_COMBINATION * effect[0]:
         return None
     fits = conditions(base, other, rays, rows[np.linalg.norm(off_rad(best), axis=1) < WIDE_RAD])
     return compose(inverse(of_base), compose(best, of_other)), int((fits > 0).sum())

@@ -23,17 +23,12 @@ from aatri.notes import Note
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.orientation.graph.component import ImageComponent, adjusted_component
 from aatri.orientation.graph.joining import joined
+from aatri.orientation.graph.limits import OPEN_TRIANGLES, WRONG_ROTATION_RAD
 from aatri.orientation.graph.pair_graph import PairGraph, RotationPairs
 from aatri.orientation.graph.positions import Start, by_directions, from_bases, from_gnss
 from aatri.orientation.graph.rotations import averaged_rotations, closing_triangles
 from aatri.orientation.graph.scales import scaled_bases
 from aatri.progress import SILENT, Reporter
-
-WRONG_RAD = 0.05
-"""A pair whose rotation is off by more than this, or `WRONG_SIGMAS` times its own standard deviation, is wrong."""
-
-OPEN = 0.1
-"""Share of its triangles below which a pair is trusted this much."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +72,7 @@ def orient_free(
     """
     n = graph.images
     rotation, error, triangles = _rotations(graph, turns)
-    limit = np.maximum(WRONG_RAD, WRONG_SIGMAS * graph.rotation_sigma_rad)
+    limit = np.maximum(WRONG_ROTATION_RAD, WRONG_SIGMAS * graph.rotation_sigma_rad)
     other = np.isfinite(graph.second[:, 0, 0])
     off = angles_between(rotation[graph.left] @ graph.second, rotation[graph.right])
     wrong = (error > limit) | other & (np.where(np.isfinite(off), off, np.inf) < np.minimum(error, limit))
@@ -131,8 +126,8 @@ def _rotations(graph: PairGraph, turns: RotationPairs) -> tuple[Float, Float, In
     pair = np.concatenate([graph.left_from_right, turns.left_from_right])
     sigma = np.concatenate([graph.rotation_sigma_rad, turns.sigma_rad])
     triangles, closing = closing_triangles(n, left, right, pair, sigma)
-    share = np.where(triangles > 0, np.maximum(closing / np.maximum(triangles, 1), OPEN**2), OPEN)
-    share[:m][np.isfinite(graph.second[:, 0, 0])] *= OPEN
+    share = np.where(triangles > 0, np.maximum(closing / np.maximum(triangles, 1), OPEN_TRIANGLES**2), OPEN_TRIANGLES)
+    share[:m][np.isfinite(graph.second[:, 0, 0])] *= OPEN_TRIANGLES
     weight = np.sqrt(np.concatenate([graph.inliers, turns.points])) * share
     rotation, error = averaged_rotations(n, left, right, pair, weight)
     return rotation, error[:m], triangles[:m]

@@ -25,24 +25,17 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.absolute import OrientedBody
 from aatri.orientation.bodies.datum_analysis import given_places
-from aatri.orientation.bodies.deformation import MISFIT_OF_RIGHT
 from aatri.orientation.bodies.free_body import FreeBody
 from aatri.orientation.bodies.ground_observed import DISTANCES, Chosen, GroundObserved, strain
+from aatri.orientation.bodies.limits import MISFIT_OF_RIGHT
 from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
 from aatri.orientation.graph.component import ImageComponent
+from aatri.orientation.graph.limits import CONTRADICTED, DEFORMED
 from aatri.orientation.graph.on_ground import fits_bent
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
 
-
-CONTRADICTED = 0.02
-"""Deformation of a component, as a share of the distance of the images, beyond which scarce observations, or points
-shared with neighbours, contradict each other: a principal distance a fifth off deforms so much over ground that rises
-by a tenth of the distance."""
-
-DEFORMED = 5.0
-"""Times the standard deviation of its points that a component may be deformed by without a warning."""
 
 SCATTER = 1.4826
 """Standard deviation of a normal variable over the median of its deviations."""

@@ -21,23 +21,17 @@ from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.bundle.complete_start import complete_start
 from aatri.orientation.graph.component import ImageComponent, refined, wide_mm
-from aatri.orientation.graph.few_points import BY_POINT, MOST_COMMON, by_few_points, conditions
+from aatri.orientation.graph.few_points import BY_POINT, by_few_points, conditions
+from aatri.orientation.graph.limits import (
+    FEWEST_DISTANCES,
+    FEWEST_TO_JOIN,
+    FITTING_SHARE,
+    MOST_COMMON,
+    MOST_WRONG,
+    ON_A_LINE,
+    SAME_SCALE,
+)
 from aatri.progress import Reporter
-
-FEWEST = 5
-"""Points in common that must fit, for components to be joined."""
-
-FITS = 0.02
-"""Common points fit within this share of their extent."""
-
-MOST_WRONG = 0.4
-"""Share of the common points that may be wrong."""
-
-FLAT = 0.02
-"""Common points lie on a line if they spread less across it, as a share of their length."""
-
-FEWEST_DISTANCES, SAME_SCALE = 2, 0.05
-"""Common points that must agree on the scale of components that share an image, to this share of it."""
 
 
 def joined(
@@ -99,17 +93,17 @@ def _by_points(base: ImageComponent, other: ImageComponent) -> tuple[Similarity,
     """The similarity of common points, and how many of them fit it."""
     common = finite_rows(base.xyz) & finite_rows(other.xyz)
     x, X = other.xyz[common], base.xyz[common]
-    if len(x) < FEWEST or _on_a_line(X):
+    if len(x) < FEWEST_TO_JOIN or _on_a_line(X):
         return None
     similarity, distance = robust_closed_form(x, X)
-    fits = distance < FITS * float(np.linalg.norm(X - np.median(X, axis=0), axis=1).max())
-    return (similarity, int(fits.sum())) if fits.sum() >= max(FEWEST, (1.0 - MOST_WRONG) * len(x)) else None
+    fits = distance < FITTING_SHARE * float(np.linalg.norm(X - np.median(X, axis=0), axis=1).max())
+    return (similarity, int(fits.sum())) if fits.sum() >= max(FEWEST_TO_JOIN, (1.0 - MOST_WRONG) * len(x)) else None
 
 
 def _on_a_line(X: Float) -> bool:
-    """Whether points, at least two, spread less than `FLAT` across the line along which they lie."""
+    """Whether points, at least two, spread less than `ON_A_LINE` across the line along which they lie."""
     spread = np.linalg.svd(X - X.mean(axis=0), compute_uv=False)
-    return bool(spread[1] < FLAT * spread[0])
+    return bool(spread[1] < ON_A_LINE * spread[0])
 
 
 def _by_images(base: ImageComponent, other: ImageComponent) -> tuple[Similarity, int] | None:
@@ -136,7 +130,7 @@ def _by_rays(base: ImageComponent, other: ImageComponent, rays: ImagePointRows) 
     few = common.sum() <= MOST_COMMON or _on_a_line(base.xyz[common])
     if (base.images & other.images).any() or not few:
         return None
-    return by_few_points(base, other, rays, BY_POINT * FEWEST, MOST_WRONG)
+    return by_few_points(base, other, rays, BY_POINT * FEWEST_TO_JOIN, MOST_WRONG)
 
 
 def _held_together(merged: ImageComponent, base: ImageComponent, other: ImageComponent, rays: ImagePointRows) -> None:
@@ -154,8 +148,10 @@ def _held_together(merged: ImageComponent, base: ImageComponent, other: ImageCom
             raise GeometryError(f"of {n} images {left} fit", remedy="check the ids of their points")
     rows = np.flatnonzero(merged.kept & merged.images[rays.image])
     fitting = int(conditions(base, other, rays, rows).sum())
-    if fitting < BY_POINT * FEWEST:
-        raise GeometryError(f"{fitting} conditions of rays between them fit", remedy=f"{BY_POINT * FEWEST} are needed")
+    if fitting < BY_POINT * FEWEST_TO_JOIN:
+        raise GeometryError(
+            f"{fitting} conditions of rays between them fit", remedy=f"{BY_POINT * FEWEST_TO_JOIN} are needed"
+        )
 
 
 def _with_resected(

@@ -16,11 +16,7 @@ from aatri.orientation.bodies.ground_observed import GroundObserved, oriented_by
 from aatri.orientation.bodies.neighbouring_bodies import beside_neighbours, oriented_together
 from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.component_bodies import body_of
-from aatri.orientation.graph.ground_tests import CONTRADICTED
-
-FEWEST_OTHERS, MOST_SHARED = 4, 30
-"""Points shared with neighbours that must fit each other for another to be the wrong one (three fit alone by two
-conditions); of more points than the second one wrong does not spoil the start."""
+from aatri.orientation.graph.limits import CONTRADICTED, FEWEST_OTHERS, MOST_SHARED
 
 
 @dataclass(frozen=True)

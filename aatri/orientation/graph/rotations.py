@@ -20,11 +20,9 @@ from aatri.adjustment.statistics.limits import OFF_SIGMAS
 from aatri.arrays import Float, Int, ranges
 from aatri.geometry.rotations import exp_rotation, log_rotation
 from aatri.orientation.graph.differences import STEPS, fitted, robust_weights
+from aatri.orientation.graph.limits import CLOSED_RAD
 
 SETTLED_RAD = 1e-7
-
-CLOSED_RAD = 0.02
-"""A triangle closes within this, or within `OFF_SIGMAS` standard deviations where these are larger."""
 
 
 def closing_triangles(n: int, left: Int, right: Int, left_from_right: Float, sigma_rad: Float) -> tuple[Int, Int]:

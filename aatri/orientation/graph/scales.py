@@ -20,16 +20,8 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 
 from aatri.arrays import Bool, Float, Int
 from aatri.orientation.graph.differences import fitted_robustly, parts_of
+from aatri.orientation.graph.limits import FEWEST_FOR_SCALE, PAIRS_PER_IMAGE, SPREAD_OF_SCALES
 from aatri.orientation.graph.pair_graph import PairGraph
-
-PER_IMAGE = 8
-"""Pairs of each image that carry scale: the strongest ones, and a tree of all."""
-
-FEWEST = 3
-"""Two pairs with fewer points in common do not tell the ratio of their bases; three stand at the standard positions."""
-
-SPREAD = 0.5
-"""Ratios whose points disagree by more than this (median deviation of the logarithm) are not used."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +60,7 @@ def _carrying(graph: PairGraph) -> Bool:
     order = np.lexsort((-np.tile(strength, 2), ends))
     first = np.searchsorted(ends[order], np.arange(n))
     rank = np.arange(2 * m) - first[ends[order]]
-    chosen[order[rank < PER_IMAGE] % m] = True
+    chosen[order[rank < PAIRS_PER_IMAGE] % m] = True
     cost = coo_array((1.0 / np.maximum(strength, 1e-12), (graph.left, graph.right)), shape=(n, n))
     tree = coo_array(minimum_spanning_tree(cost.tocsr()))
     in_tree = set(zip(tree.row.tolist(), tree.col.tolist()))
@@ -86,7 +78,9 @@ def _ratios(graph: PairGraph) -> tuple[Int, Int, Float, Float]:
     order = np.lexsort((of, point, image))
     image, point, depth, of = image[order], point[order], depth[order], of[order]
     links = []
-    for step in range(1, 2 * PER_IMAGE):  # a point seen from an image in several pairs: each with the following ones
+    for step in range(
+        1, 2 * PAIRS_PER_IMAGE
+    ):  # a point seen from an image in several pairs: each with the following ones
         same = (image[step:] == image[:-step]) & (point[step:] == point[:-step])
         rows = np.flatnonzero(same)
         if not len(rows):
@@ -101,7 +95,7 @@ def _ratios(graph: PairGraph) -> tuple[Int, Int, Float, Float]:
     count = np.diff(np.concatenate([begins, [len(a)]]))
     middle = value[begins + count // 2]
     spread = 0.5 * (value[begins + (3 * count) // 4 - (count >= 4)] - value[begins + count // 4])
-    kept = (count >= FEWEST) & (spread < SPREAD)
+    kept = (count >= FEWEST_FOR_SCALE) & (spread < SPREAD_OF_SCALES)
     weight = count / np.maximum(spread, 1e-3) ** 2
     return (
         a[begins][kept],

@@ -22,13 +22,11 @@ from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody, orient_body
 from aatri.orientation.bodies.datum_analysis import OpenDatumError
-from aatri.orientation.bodies.datum_start import UPWARDS, Observe, typical_distance
-from aatri.orientation.bodies.deformation import MISFIT_OF_RIGHT
+from aatri.orientation.bodies.datum_start import Observe, typical_distance
 from aatri.orientation.bodies.ground_fit import height_notes
 from aatri.orientation.bodies.ground_observed import (
     BEGUN_LEVEL,
     DISTANCES,
-    HARDLY,
     GroundObserved,
     by_time_offsets,
     everything,
@@ -36,6 +34,7 @@ from aatri.orientation.bodies.ground_observed import (
     placed,
     with_level_images,
 )
+from aatri.orientation.bodies.limits import HARDLY_DETERMINED, MISFIT_OF_RIGHT, UPWARDS
 from aatri.orientation.bodies.one_left_out import oriented_by_the_others
 from aatri.orientation.bodies.wrong_control import MirroredError
 from aatri.orientation.graph.component import ImageComponent, first_base_one
@@ -50,7 +49,7 @@ from aatri.orientation.graph.ground_tests import (
     with_uncertain_distances,
     without_one,
 )
-from aatri.orientation.graph.joining import FEWEST
+from aatri.orientation.graph.limits import FEWEST_TO_JOIN, OPEN_MOTION
 from aatri.orientation.graph.neighbouring_components import OnGround, by_neighbours, together
 
 if TYPE_CHECKING:
@@ -63,8 +62,6 @@ IMAGES_ALONE = (
 )
 NOTHING_PLACES = "no control and no observed positions: the datum is free"
 BY_DATUM_POINTS = "the datum points place it, to begin a bundle with `datum: free` and `datum_over: marked`"
-OPEN = 1e-8
-"""The same below which a motion is held where the datum is free."""
 
 
 def to_ground(
@@ -87,7 +84,7 @@ def to_ground(
     if not any(placed(ground.of(body_of(c, rays), everything, drift=False)(IDENTITY)) for c in components):
         by_datum = _at_datum_points(ground, components[0], rays, settings, "the block")
         if isinstance(by_datum, str):
-            part, notes = _free(ground, components[0], rays, replace(settings, weakest=OPEN, free=True))
+            part, notes = _free(ground, components[0], rays, replace(settings, weakest=OPEN_MOTION, free=True))
             notes += [Note("warning", by_datum)] if by_datum else []
             return [part], [*notes, *(_apart(block, c, "no datum of their own") for c in components[1:])]
         done, notes = [by_datum], [Note("note", f"{BY_DATUM_POINTS}; without them {NOTHING_PLACES}")]
@@ -121,7 +118,7 @@ def _nowhere(ground: GroundObserved, what: str, reason: AatriError, components: 
     remedy = reason.remedy
     if components > 1:
         text += f"; the images stay in {components} components"
-        join = f"measure points in three images or more: {FEWEST} common points join two components"
+        join = f"measure points in three images or more: {FEWEST_TO_JOIN} common points join two components"
         remedy = "; ".join(filter(None, [join, remedy]))
     error = ConvergenceError if isinstance(reason, ConvergenceError) else GeometryError  # its narrower classes say more
     positions = ground.use_positions and (ground.block.exterior.position_use == OBSERVED_VALUE).any()
@@ -143,7 +140,7 @@ def _otherwise(
     """A component that its own observations and others leave open: hardly determined, by datum points, or level, as a
     bundle may begin; else None."""
     try:
-        part, notes = _oriented(ground, component, rays, what, replace(settings, weakest=HARDLY))
+        part, notes = _oriented(ground, component, rays, what, replace(settings, weakest=HARDLY_DETERMINED))
     except (ConvergenceError, GeometryError):
         reasons = [failure.what, f"by the images and points it shares with others {by_shared}" if by_shared else ""]
         if not isinstance(failure, ConvergenceError) and (not done or any(part.datum is not None for part in done)):
@@ -154,7 +151,7 @@ def _otherwise(
         if isinstance(failure, OpenDatumError) and _has_more(ground, component, rays) and _look_down(done):
             with contextlib.suppress(ConvergenceError, GeometryError):
                 level = with_level_images(ground, np.flatnonzero(component.images))
-                part, notes = _oriented(level, component, rays, what, replace(settings, weakest=HARDLY))
+                part, notes = _oriented(level, component, rays, what, replace(settings, weakest=HARDLY_DETERMINED))
                 return part, [*notes, Note("warning", f"{failure.what}; {BEGUN_LEVEL}")]
         return None, [_apart(ground.block, component, "; ".join(filter(None, reasons)))]
     return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]

@@ -12,15 +12,9 @@ from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.vectors import unit
 from aatri.observations.image_point_rows import ImagePointRows, residuals_mm
 from aatri.observations.poses import Poses
+from aatri.orientation.graph.limits import LEAST_PARALLAX_RAD, TRIM_LIMIT
 
 ROUNDS = 12
-
-LIMIT = 5.0
-"""Rays are trimmed beyond so many standard deviations, or so many times the spread where that is larger: of normal
-errors one in 270,000, exp(-LIMIT^2 / 2) of lengths of two components; the bundle tests it again."""
-
-LEAST_PARALLAX_RAD = 0.005
-"""Points whose rays all lie within a smaller angle are not determined."""
 
 
 def intersected(
@@ -100,7 +94,7 @@ def contradicting(rays: ImagePointRows, poses: Poses, xyz: Float, spread: float)
     met = np.full(xyz.shape, np.nan)
     met[names] = intersect_rays(poses.position_m[rays.image[rows]], direction, place, len(names))
     off = residuals_mm(rays, rows, poses, met) / rays.sigma_mm[rows].mean(axis=1)
-    far = np.bincount(place, ~(off <= LIMIT * max(spread, 1.0))) > 0
+    far = np.bincount(place, ~(off <= TRIM_LIMIT * max(spread, 1.0))) > 0
     return rows[far[place]]
 
 

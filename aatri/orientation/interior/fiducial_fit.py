@@ -24,10 +24,8 @@ import numpy as np
 
 from aatri.arrays import Bool, Float, Int
 from aatri.geometry.plane_transformations import PARAMETERS, basis_of, open_basis, plane_jacobian, transform_plane
+from aatri.orientation.interior.limits import ILL_PLACED
 from aatri.orientation.interior.mark_tests import located, tests_of_marks
-
-ILL_PLACED = 1e-6
-"""Smallest eigenvalue over the largest, of the normal matrix of marks reduced to extent 1, that still determines it."""
 
 ITERATIONS = 10
 """Of the projective transformation; film converges in three."""

@@ -21,18 +21,7 @@ deformation of a few parts in a thousand. A scan may lie on its side, so every r
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int
-
-ALIKE = 0.99
-"""Two marks whose residuals correlate by more cannot be told apart."""
-
-UNCONTROLLED = 1e-6
-"""A smaller eigenvalue of R_i means that an error in this direction does not show."""
-
-SCALE_TOLERANCE = 0.02
-"""Largest difference from the nominal scale."""
-
-MISFIT = 0.02
-"""A residual above this share of the marks' extent is no measuring error but a wrong mark."""
+from aatri.orientation.interior.limits import INSEPARABLE_MARKS, SCALE_TOLERANCE, UNCONTROLLED, WRONG_MARK
 
 KNOWN_SCALES = {
     25.4: "inches taken for millimetres",
@@ -82,7 +71,7 @@ def tests_of_marks(
     between = np.einsum("nmab,nmkbc,nkcd->nmkad", root, blocks, root)
     correlation = np.linalg.svd(between, compute_uv=False)[..., 0]
     both = controlled[:, :, None] & controlled[:, None, :] & ~np.eye(m, dtype=bool)
-    separable = np.asarray(~(both & (correlation > ALIKE)).any(axis=2))
+    separable = np.asarray(~(both & (correlation > INSEPARABLE_MARKS)).any(axis=2))
     return np.where(controlled, test, np.nan), separable
 
 
@@ -119,7 +108,7 @@ def is_misfit(residual_mm: Float, calibrated_mm: Float) -> bool:
     residual_mm, calibrated_mm : (m, 2) float64, mm
     """
     extent = float(np.ptp(calibrated_mm, axis=0).max())
-    return bool(np.sqrt((residual_mm**2).sum(axis=1)).max() > MISFIT * extent)
+    return bool(np.sqrt((residual_mm**2).sum(axis=1)).max() > WRONG_MARK * extent)
 
 
 def renumbering(nominal_mm: Float, calibrated_mm: Float) -> Int | None:
@@ -144,6 +133,6 @@ def renumbering(nominal_mm: Float, calibrated_mm: Float) -> Int | None:
         turned = measured @ np.linalg.matrix_power(np.array([[0.0, 1.0], [-1.0, 0.0]]), quarter)
         distance = np.sqrt(((turned[:, None] - calibrated) ** 2).sum(axis=2))
         nearest = distance.argmin(axis=1)
-        if len(set(nearest.tolist())) == len(nearest) and distance.min(axis=1).max() < 5 * MISFIT * extent:
+        if len(set(nearest.tolist())) == len(nearest) and distance.min(axis=1).max() < 5 * WRONG_MARK * extent:
             return np.asarray(nearest, dtype=np.int64)
     return None

@@ -8,15 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Float
-
-SAME = 0.02
-"""Candidates nearer to each other than this share of the distances are one."""
-
-CLEAR, LEAST_MISFIT = 20.0, 1e-6
-"""A candidate is sure where it fits so many times better than any other; sums of misfits below the second are equal."""
-
-MOST_LOCI = 12
-"""Of so many a place is sure; rays and circles of distances come before those of angles."""
+from aatri.orientation.network.limits import LEAST_MISFIT, MOST_LOCI, SAME_PLACE
 
 
 @dataclass(frozen=True)
@@ -74,7 +66,7 @@ def fitting_point(loci: list[Locus]) -> tuple[Float, float] | None:
     size = [sum(min(locus.misfit(x), 1.0) for locus in loci) for x in candidates]
     best = candidates[int(np.argmin(size))]
     extent = max(float(np.linalg.norm(best - locus.centre)) for locus in loci)
-    others = [s for x, s in zip(candidates, size) if np.linalg.norm(x - best) > SAME * extent]
+    others = [s for x, s in zip(candidates, size) if np.linalg.norm(x - best) > SAME_PLACE * extent]
     return best, min(others, default=np.inf) / (min(size) + LEAST_MISFIT)
 
 
@@ -95,7 +87,7 @@ def _meeting(a: Locus, b: Locus) -> list[Float]:
     if np.isfinite(b.radius_m):
         to, along = b.centre - a.centre, float((b.centre - a.centre) @ u)
         root = float(b.radius_m**2 - (to @ to - along**2))
-        if root < -((SAME * b.radius_m) ** 2):
+        if root < -((SAME_PLACE * b.radius_m) ** 2):
             return []
         half = float(np.sqrt(max(root, 0.0)))
         return [a.centre + s * u for s in (along - half, along + half) if s > 0]
@@ -115,7 +107,7 @@ def _circles(a: Locus, b: Locus) -> list[Float]:
         return []
     along = (distance**2 + a.radius_m**2 - b.radius_m**2) / (2 * distance)
     root = a.radius_m**2 - along**2
-    if root < -((10 * SAME * a.radius_m) ** 2):
+    if root < -((10 * SAME_PLACE * a.radius_m) ** 2):
         return []
     u = to / distance
     across = float(np.sqrt(max(root, 0.0))) * np.array([-u[1], u[0]])

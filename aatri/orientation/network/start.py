@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aatri.arrays import Bool, Float, Int, Text
-from aatri.orientation.network.meeting import CLEAR, Locus, fitting_point
+from aatri.orientation.network.limits import CLEARLY_BETTER
+from aatri.orientation.network.meeting import Locus, fitting_point
 
 MOST_ROUNDS = 1000
 
@@ -199,10 +200,10 @@ def _grown(network: Network, xy: Float, doubtful: set[int]) -> Float:
         if not fits:
             return placed
         surest = max(fits, key=lambda point: fits[point][1])
-        if fits[surest][1] < CLEAR:
+        if fits[surest][1] < CLEARLY_BETTER:
             doubtful.add(surest)
         for point, (place, clearness) in fits.items():
-            if clearness >= CLEAR or point == surest:
+            if clearness >= CLEARLY_BETTER or point == surest:
                 placed[point] = place
     return placed
 

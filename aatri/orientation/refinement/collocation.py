@@ -27,6 +27,7 @@ from scipy import linalg
 
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import SpecError
+from aatri.orientation.refinement.limits import FEWEST_CELLS
 from aatri.orientation.refinement.residual_covariance import (
     MODELS,
     CovarianceFunction,
@@ -37,9 +38,6 @@ from aatri.orientation.refinement.residual_covariance import (
 
 NUGGET = 1e-9
 """Share of C0 added to the diagonal: a Gaussian covariance matrix of near points is singular to rounding."""
-
-FEWEST_CELLS = 12
-"""With fewer occupied cells no covariance function is fitted."""
 
 
 @dataclass(frozen=True)

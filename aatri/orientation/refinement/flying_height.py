@@ -14,9 +14,7 @@ than a tenth of c tell nothing.
 import numpy as np
 
 from aatri.arrays import Float, Int
-
-LEAST_EXTENT = 0.1
-"""Diagonal of the points in the image, as a share of the principal distance, that gives a scale."""
+from aatri.orientation.refinement.limits import LEAST_EXTENT
 
 
 def station_heights_m(image: Int, xy_mm: Float, plan_m: Float, height_m: Float, principal_distance_mm: Float) -> Float:

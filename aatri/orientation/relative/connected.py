@@ -26,14 +26,12 @@ from aatri.geometry.intersection import intersect_pair
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.vectors import tangents, unit
 from aatri.orientation.relative.distance_derivatives import log_distances
+from aatri.orientation.relative.limits import FEWEST_CONNECTION_POINTS
 from aatri.orientation.strips.joints import ModelTable, observed_scales
 
 ITERATIONS = 30
 SETTLED = 1e-6
 """Newton decrement that ends the iteration."""
-
-FEWEST = 3
-"""Connection points of a connection that can be checked."""
 
 
 @dataclass(frozen=True)
@@ -94,16 +92,16 @@ def connected_orientation(
     Returns
     -------
     Connected or None
-        None where fewer than `FEWEST` connection points remain, or it does not converge.
+        None where fewer than `FEWEST_CONNECTION_POINTS` connection points remain, or it does not converge.
     """
     use = active[before.row].copy()
-    while use.sum() >= FEWEST:
+    while use.sum() >= FEWEST_CONNECTION_POINTS:
         connected = _adjusted(rays, active, R, base, before, use)
         if connected is None:
             return None
         test = np.where(use, np.nan_to_num(connected.test), 0.0)
         worst = int(test.argmax())
-        if test[worst] <= limit or use.sum() <= FEWEST:
+        if test[worst] <= limit or use.sum() <= FEWEST_CONNECTION_POINTS:
             return connected
         use[worst] = False
     return None

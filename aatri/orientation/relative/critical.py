@@ -25,45 +25,26 @@ from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import tangents, unit
 from aatri.ids import several
-
-LINE = 3.0
-"""Points lie on a line if they are no farther from it than this many standard deviations, root mean square."""
-
-NO_BASE = 2.0
-"""There is no base if a rotation alone fits within this many standard deviations, in the median."""
+from aatri.orientation.relative.limits import (
+    CIRCLE_BETTER,
+    FAR_BASES,
+    FLAT_DEPTH,
+    IN_A_CORNER,
+    LINE_SIGMAS,
+    MANY_REJECTED,
+    NO_BASE,
+    ON_A_CIRCLE,
+    ON_A_LINE,
+    OPEN_RAD,
+    SHORT_BASES,
+    WEAK_RAD,
+)
 
 CLEARLY = 1.05
 """Factor by which bounds that call for a closer look are kept."""
 
 PORTION = 200
 """Pairs that are judged together, whose points stay in the cache."""
-
-WEAK_RAD = 0.01
-"""A direction or rotation less certain than this is reported: the geometry is near a singular one."""
-
-OPEN_RAD = 0.3
-"""A direction or rotation less certain than this is not determined."""
-
-MANY_REJECTED = 0.2
-"""A larger share of rejected points is reported."""
-
-FAR, SHORT = 50.0, 25.0
-"""Bases to the points beyond which the base is tiny, and short."""
-
-IN_A_CORNER = 0.25
-"""Largest extent, in bases, of points in one small part of the model."""
-
-ON_A_LINE = 0.02
-"""Extent across over extent along of points near a line."""
-
-ON_A_CIRCLE = 0.05
-"""Largest RMS deviation from the circle, as a share of the points' extent across the base."""
-
-FLAT = 0.02
-"""Points whose depth varies by a smaller share of their width lie on a plane, not on a cylinder."""
-
-BETTER = 0.5
-"""Largest RMS deviation from the circle over that from a straight line: rough ground is no cylinder."""
 
 
 GENERAL = "the points lie near a line, in a corner or on a critical surface"
@@ -95,7 +76,7 @@ def _defect(rays: RayPairs, fewest: int) -> str:
         return "identical coordinates in both images"
     for side, u, sigma in (("left", rays.left, rays.left_sigma), ("right", rays.right, rays.right_sigma)):
         across = np.linalg.svd(u[:, :2] - u[:, :2].mean(axis=0), compute_uv=False)[1] / np.sqrt(n)
-        if across < LINE * float(np.median(sigma)):
+        if across < LINE_SIGMAS * float(np.median(sigma)):
             return f"all points lie on a line in the {side} image"
     u1, u2 = unit(rays.left), unit(rays.right)
     sine = np.linalg.norm(np.cross(u1, u2 @ nearest_rotation(u1.T @ u2).T), axis=1)
@@ -137,7 +118,7 @@ def _plain_pairs(rays: RayPairs, start: Int, enough: Bool) -> Bool:
         d = u[:, :2] - (np.add.reduceat(u[:, :2], first) / n[:, None])[row]
         xx, xy, yy = np.add.reduceat(np.column_stack([d[:, 0] ** 2, d[:, 0] * d[:, 1], d[:, 1] ** 2]), first).T
         across = np.sqrt(np.maximum(0.5 * (xx + yy - np.hypot(xx - yy, 2 * xy)), 0.0) / n)
-        clear &= across > CLEARLY * LINE * np.maximum.reduceat(sigma.max(axis=1), first)
+        clear &= across > CLEARLY * LINE_SIGMAS * np.maximum.reduceat(sigma.max(axis=1), first)
     u1, u2 = unit(rays.left), unit(rays.right)
     products = (u1[:, :, None] * u2[:, None, :]).reshape(-1, 9)
     turn = nearest_rotation(np.add.reduceat(products, first).reshape(-1, 3, 3)).reshape(-1, 9)
@@ -159,7 +140,7 @@ def critical_configuration(xyz: Float, base: Float) -> str:
     if len(xyz) < 5 or not np.isfinite(xyz).all():
         return GENERAL
     distance = float(np.median(np.linalg.norm(xyz, axis=1)))
-    if distance > FAR:
+    if distance > FAR_BASES:
         return f"the base is tiny, 1/{distance:.0f} of the distance to the points"
     sizes = np.linalg.svd(xyz - xyz.mean(axis=0), compute_uv=False)
     if sizes[1] < ON_A_LINE * sizes[0]:
@@ -173,10 +154,10 @@ def critical_configuration(xyz: Float, base: Float) -> str:
     off = np.linalg.norm(across - centre, axis=1) - radius
     spread = np.linalg.svd(across - across.mean(axis=0), compute_uv=False)
     apart, straight = float(np.sqrt((off**2).mean())), float(spread[1] / np.sqrt(len(xyz)))
-    near = apart < ON_A_CIRCLE * float(np.ptp(across, axis=0).max()) and apart < BETTER * straight
-    if near and spread[1] > FLAT * spread[0]:
+    near = apart < ON_A_CIRCLE * float(np.ptp(across, axis=0).max()) and apart < CIRCLE_BETTER * straight
+    if near and spread[1] > FLAT_DEPTH * spread[0]:
         return "points and projection centres lie near a circular cylinder along the base (critical cylinder)"
-    return f"the base is short, 1/{distance:.0f} of the distance to the points" if distance > SHORT else GENERAL
+    return f"the base is short, 1/{distance:.0f} of the distance to the points" if distance > SHORT_BASES else GENERAL
 
 
 def judged(

@@ -18,11 +18,12 @@ from aatri.arrays import Bool, Float, Int
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
-from aatri.orientation.relative.critical import NO_BASE, angle_sigmas, degenerate_pairs
+from aatri.orientation.relative.critical import angle_sigmas, degenerate_pairs
 from aatri.orientation.relative.from_consensus import SAMPLES, FromConsensus
 from aatri.orientation.relative.image_scale import limit_of, with_image_scale, with_sigmas
 from aatri.orientation.relative.kernels.snooping import SNOOPED
-from aatri.orientation.relative.loops import ENOUGH, FEWEST, Portion, from_parallel, oriented_from
+from aatri.orientation.relative.limits import ENOUGH_FIT, LEAST_SHARE_OF_MODEL, NO_BASE, TURNED_SHARE
+from aatri.orientation.relative.loops import Portion, from_parallel, oriented_from
 from aatri.orientation.relative.orientations import (
     EssentialOrientations,
     PairSettings,
@@ -33,9 +34,6 @@ from aatri.progress import SILENT, Reporter
 
 TURNS = 15
 """Reweighted fits of a rotation."""
-
-TURNED = 0.5
-"""Share of the points that a rotation has to explain."""
 
 
 def essential_orientations(
@@ -70,7 +68,7 @@ def essential_orientations(
         many, few = (FromConsensus(start, max_samples, fewest, expected) for fewest in (SNOOPED, 5))
 
         def parallel(portion: Portion) -> None:
-            portion.chosen[:] &= (portion.count < SNOOPED) | (many.share[portion.pair] >= FEWEST)
+            portion.chosen[:] &= (portion.count < SNOOPED) | (many.share[portion.pair] >= LEAST_SHARE_OF_MODEL)
             from_parallel(portion)
 
         def five_or_six(portion: Portion) -> None:
@@ -78,7 +76,7 @@ def essential_orientations(
             few(portion)
 
         last[:] = [many]
-        starts = ((many, FEWEST), (parallel, ENOUGH), (five_or_six, FEWEST))
+        starts = ((many, LEAST_SHARE_OF_MODEL), (parallel, ENOUGH_FIT), (five_or_six, LEAST_SHARE_OF_MODEL))
         return oriented_from(scaled, start, starts, settings, reporter)
 
     orientations, m = with_image_scale(orient, rays), len(count)
@@ -108,7 +106,7 @@ def _turned(rays: RayPairs) -> tuple[Float | float, float, int]:
         off = np.linalg.norm(np.cross(u1, u2 @ R.T), axis=1) / sigma
         weight = 1.0 / np.maximum(off, 0.1)
     fits: Bool = off < 3.0 * NO_BASE
-    if fits.sum() < max(5, TURNED * len(off)):
+    if fits.sum() < max(5, TURNED_SHARE * len(off)):
         return np.nan, np.nan, 0
     moment = np.eye(3) * fits.sum() - u1[fits].T @ u1[fits]
     least = float(np.linalg.eigvalsh(moment)[0])

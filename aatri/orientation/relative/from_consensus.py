@@ -9,19 +9,11 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.geometry.rotations import angles_between, nearest_rotation
 from aatri.orientation.relative.kernels.consensus import JUDGES, KEPT, consensus
-from aatri.orientation.relative.loops import FEWEST, Portion
-from aatri.orientation.relative.orientations import NEARER
+from aatri.orientation.relative.limits import AS_GOOD, AS_GOOD_OF_FEW, LEAST_SHARE_OF_MODEL, NEARER
+from aatri.orientation.relative.loops import Portion
 
 SAMPLES = 1_000
 """Most samples of a pair."""
-
-AS_GOOD = 3.0
-"""A second orientation explains n points as well if its cost, sum log(1 + (v / 3)^2), exceeds the first one's by no
-more than this many standard deviations: the two see other components of the errors, so that the difference of their
-sums of squares has a standard deviation of up to 2 sqrt(n), that of the costs a ninth of it."""
-
-LEAST = 2.0
-"""The same where points are few."""
 
 
 class FromConsensus:
@@ -69,9 +61,9 @@ class FromConsensus:
         self.samples[pair] = drawn
         fitting = np.bincount(row[fits], minlength=len(count))
         self.share[pair] = fitting / np.maximum(count, 1)
-        for k in np.flatnonzero(portion.chosen & (self.share[pair] < FEWEST)).tolist():
+        for k in np.flatnonzero(portion.chosen & (self.share[pair] < LEAST_SHARE_OF_MODEL)).tolist():
             portion.reasons[int(pair[k])] = f"only {fitting[k]} of {count[k]} points fit one orientation"
-        limit = np.maximum(LEAST, AS_GOOD * 2.0 * np.sqrt(np.minimum(count, JUDGES)) / 9.0)
+        limit = np.maximum(AS_GOOD_OF_FEW, AS_GOOD * 2.0 * np.sqrt(np.minimum(count, JUDGES)) / 9.0)
         also = portion.chosen & (costs[:, 1] - np.where(portion.chosen, costs[:, 0], 0.0) <= limit)
         first_off, second_off = (angles_between(poses[:, k, :, :3], self.expected[pair]) for k in (0, 1))
         exchanged = also & (second_off < NEARER * first_off)

@@ -16,17 +16,12 @@ from aatri.arrays import Bool, Float, Int
 from aatri.errors import GeometryError
 from aatri.geometry.coplanarity import RayPairs
 from aatri.orientation.relative.by_chance import fit_by_chance
-from aatri.orientation.relative.critical import (
-    MANY_REJECTED,
-    WEAK_RAD,
-    critical_configuration,
-    degenerate_pairs,
-    judged,
-)
+from aatri.orientation.relative.critical import critical_configuration, degenerate_pairs, judged
 from aatri.orientation.relative.kernels.model_points import intersect
 from aatri.orientation.relative.kernels.sampson import OPEN
 from aatri.orientation.relative.kernels.snooping import snoop
 from aatri.orientation.relative.kernels.start import parallel_starts
+from aatri.orientation.relative.limits import BEHIND_SHARE, ENOUGH_FIT, LEAST_SHARE_OF_MODEL, MANY_REJECTED, WEAK_RAD
 from aatri.orientation.relative.orientations import PairSettings, RelativeOrientations, rows_of_pairs
 from aatri.progress import Reporter
 
@@ -35,15 +30,6 @@ AT_ONCE = 500_000
 
 WORTH_A_THREAD = 1_000
 """Points for which a thread of their own pays."""
-
-ENOUGH = 0.6
-"""Share of the points that fit and lie in front of both images in a solution that needs no other start."""
-
-FEWEST = 0.3
-"""A smaller share of points that fit makes no model."""
-
-BEHIND = 0.1
-"""A larger share of points that fit, but behind an image, tells of the other orientation of points in a plane."""
 
 FALLBACKS = 3
 """Adjustments in all, while points fall behind an image."""
@@ -135,7 +121,7 @@ def oriented_from(
         reasons |= adjusted.orientations.reasons
         todo[pairs[adjusted.good]] = False
     used = np.where(orientations.formed, orientations.redundancy + 5, 0)
-    too_few = (used < fewest) | (used < FEWEST * count) | fit_by_chance(rays, start, used, settings.limit)
+    too_few = (used < fewest) | (used < LEAST_SHARE_OF_MODEL * count) | fit_by_chance(rays, start, used, settings.limit)
     few = np.flatnonzero(orientations.formed & too_few)
     reasons |= {pair: f"only {used[pair]} of {count[pair]} points fit one orientation" for pair in few.tolist()}
     orientations.put(few, rows_of_pairs(start, few), RelativeOrientations.empty(1, 1), 0, 0)
@@ -202,7 +188,7 @@ def _adjust_portion(
             break
     settled &= np.bincount(row[~np.isfinite(work[:, 0])], minlength=m) == 0
     used = np.bincount(row[active], minlength=m)
-    few_behind = np.bincount(row[~inside], minlength=m) <= BEHIND * count
+    few_behind = np.bincount(row[~inside], minlength=m) <= BEHIND_SHARE * count
     fits = _fits(settled, row, work, active, limit, enough) & (used >= max(settings.min_points, 5))
     adjusted.good[portion] = settled & few_behind & fits
     near = 2 * np.bincount(row[np.abs(work[:, 0]) <= limit], minlength=m) > count
@@ -239,7 +225,7 @@ def _fits(settled: Bool, row: Int, work: Float, active: Bool, limit: float, enou
     for pair in np.flatnonzero(settled & (2 * below == n)).tolist():  # the median is between the middle two
         near[pair] = np.median(size[row == pair]) <= limit
     misfits = np.bincount(row[active & (work[:, 6] > limit)], minlength=m)
-    fits = ((misfits == 0) | (used <= 6)) & (used >= ENOUGH * n)
+    fits = ((misfits == 0) | (used <= 6)) & (used >= ENOUGH_FIT * n)
     return np.asarray((near | fits) & (used >= enough * n))
 
 

@@ -18,10 +18,6 @@ PAIRS_A_THREAD = 5_000
 PER_POINT = ("active", "parallax_mm", "error_mm", "error_sigma_mm", "test", "xyz", "point_covariance", "depth")
 PER_PAIR = ("formed", "left_from_right", "base", "covariance", "sigma0", "redundancy", "iterations")
 
-NEARER = 0.5
-"""Of two orientations over a plane the one that is nearer to the expected rotation counts, if it is off by less than
-this share of what the other is; else nothing decides. The two differ by many degrees, expected rotations err by few."""
-
 
 @dataclass(frozen=True)
 class ImagePairs:

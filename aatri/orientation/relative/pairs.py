@@ -25,7 +25,8 @@ from aatri.arrays import Bool, Int
 from aatri.geometry.coplanarity import RayPairs, parallax
 from aatri.geometry.intersection import intersect_pair
 from aatri.orientation.relative.image_scale import limit_of, with_image_scale
-from aatri.orientation.relative.loops import ENOUGH, FEWEST, Portion, from_parallel, oriented_from
+from aatri.orientation.relative.limits import ENOUGH_FIT, LEAST_SHARE_OF_MODEL
+from aatri.orientation.relative.loops import Portion, from_parallel, oriented_from
 from aatri.orientation.relative.orientations import ImagePairs, PairSettings, RelativeOrientations
 from aatri.progress import SILENT, Reporter
 
@@ -64,7 +65,7 @@ def relative_orientations(
         FromConsensus(start)(portion)
 
     def orient(scaled: RayPairs) -> RelativeOrientations:
-        starts = ((from_parallel, ENOUGH), (by_consensus, FEWEST))
+        starts = ((from_parallel, ENOUGH_FIT), (by_consensus, LEAST_SHARE_OF_MODEL))
         return oriented_from(scaled, start, starts, settings, reporter)
 
     return with_image_scale(orient, rays)

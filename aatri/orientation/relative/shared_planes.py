@@ -14,13 +14,11 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.geometry.coplanarity import RayPairs
 from aatri.geometry.vectors import unit
-from aatri.orientation.relative.orientations import NEARER, EssentialOrientations
+from aatri.orientation.relative.limits import NEARER, OTHER_PLANE_RAD
+from aatri.orientation.relative.orientations import EssentialOrientations
 
 PARTNERS = 8
 """Pairs of an image, before and behind in their order, with which each is compared."""
-
-FAR_RAD = 0.5
-"""Normals that differ by more tell no more: of other planes, or wrong."""
 
 
 def rotations_by_planes(
@@ -92,7 +90,7 @@ def _off_neighbours(image: Int, normal: Float) -> Float:
                 angle = np.arccos(np.clip(cosine, -1.0, 1.0))
             angle = np.fmin(angle[:, :, 0], angle[:, :, 1])
             finite = np.isfinite(angle)
-            total[a] += np.where(finite, np.minimum(angle, FAR_RAD), 0.0)
+            total[a] += np.where(finite, np.minimum(angle, OTHER_PLANE_RAD), 0.0)
             count[a] += finite
     off = np.full((len(row_image), 2), np.nan)
     off[order] = total / np.where(count > 0, count, np.nan)

@@ -14,9 +14,9 @@ import numpy as np
 from aatri.adjustment.threads import in_threads, items_between
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.orientation.resection.kernels.resection import resect
+from aatri.orientation.resection.limits import MIN_POINTS
 
 HUBER = 3.0
-MIN_POINTS = 3
 DECREMENT = 1e-6
 MOST_ITERATIONS = 50
 WORTH_A_THREAD = 5_000

@@ -39,25 +39,17 @@ from aatri.arrays import Float
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.rotations import nearest_rotation
 from aatri.geometry.vectors import unit
-
-FEWEST = 6
-FLAT = 1e-3
-"""Points whose least spread is below this times the largest lie in a plane, for which the transformation is open."""
+from aatri.orientation.resection.limits import (
+    CLEARLY_WORSE,
+    FEW_POINTS,
+    FEWEST_LINEAR,
+    FLAT_POINTS,
+    LEAST_FITTING,
+    OTHER_ORIENTATION,
+    WIDE_RAD,
+)
 
 MAX_TRIPLES = 20
-
-WIDE_RAD = 0.03
-"""Points farther than this from where they are seen do not fit: a start may be off by as much."""
-
-LEAST_SHARE = 0.4
-"""Orientations that a smaller share of the points fits are none."""
-
-FEW = 5
-"""Of so many points two orientations may see all: a second one is looked for."""
-
-OTHER, CLEARLY = 0.05, 3.0
-"""Orientations apart by this share of the distance of their points are different; the second best of them has to fit
-worse by this factor, or nothing tells them apart."""
 
 Orientation = tuple[Float, Float]
 """Projection centre (3,) in m, and rotation from image to ground (3, 3)."""
@@ -78,11 +70,11 @@ def linear_orientation(xy_mm: Float, c_mm: float, xyz_m: Float) -> tuple[Float, 
     ground_from_image : (3, 3) float64
         None with fewer than six points, with points in a plane, or if points come out behind the camera.
     """
-    if len(xy_mm) < FEWEST:
+    if len(xy_mm) < FEWEST_LINEAR:
         return None
     centre = xyz_m.mean(axis=0)
     spread = np.linalg.svd(xyz_m - centre, compute_uv=False)
-    if spread[2] <= FLAT * spread[0]:
+    if spread[2] <= FLAT_POINTS * spread[0]:
         return None
     size = float(np.linalg.norm(xyz_m - centre, axis=1).mean())
     X = np.column_stack([(xyz_m - centre) / size, np.ones(len(xyz_m))])
@@ -152,7 +144,9 @@ def start_orientation(
     if not accepted:
         return None
     (_, size, best), rest = accepted[0], accepted[1:]
-    if len(xy_mm) <= FEW and any(e < CLEARLY * size and _apart(best, other) > OTHER for _, e, other in rest):
+    if len(xy_mm) <= FEW_POINTS and any(
+        e < CLEARLY_WORSE * size and _apart(best, other) > OTHER_ORIENTATION for _, e, other in rest
+    ):
         return None
     return best[0] + origin, best[1]
 
@@ -166,7 +160,7 @@ def _false_alarms(
         off = np.linalg.norm(project(u, np.full(len(u), c)) - xy, axis=1)
     n = len(off)
     off = np.sort(np.where((u[:, 2] < 0) & (off <= WIDE_RAD * c), off, np.inf))
-    k = np.arange(max(s, int(np.ceil(LEAST_SHARE * n)) - 1), int(np.isfinite(off).sum())) + 1
+    k = np.arange(max(s, int(np.ceil(LEAST_FITTING * n)) - 1), int(np.isfinite(off).sum())) + 1
     if not len(k):
         return np.inf, np.inf
     ways = gammaln(n - s + 1) - gammaln(k - s + 1) - gammaln(n - k + 1)

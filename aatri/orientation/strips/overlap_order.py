@@ -15,20 +15,14 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from aatri.arrays import Float, Int
+from aatri.orientation.strips.limits import (
+    FEWEST_OF_NEIGHBOURS,
+    MOST_NEIGHBOUR_CANDIDATES,
+    NEIGHBOUR_SHARE,
+    OPPOSITE_COSINE,
+)
 
 Complex = npt.NDArray[np.complex128]
-
-FEWEST = 5
-"""Common points of neighbours."""
-
-OPPOSITE = -0.5
-"""Cosine between the places of the two neighbours of an image, at most."""
-
-SHARE = 0.5
-"""Common points of a neighbour, of the median of those accepted before, at least."""
-
-CANDIDATES = 8
-"""Pairs of an image that are looked at: those with most common points."""
 
 
 def strips_by_overlap(image: Int, point: Int, xy_mm: Float, n_images: int) -> list[Int]:
@@ -56,7 +50,7 @@ def strips_by_overlap(image: Int, point: Int, xy_mm: Float, n_images: int) -> li
         (i, j), (to_j, to_i) = pairs[k].tolist(), places[k].tolist()
         if not np.isfinite(abs(to_j)) or not np.isfinite(abs(to_i)) or top(i) == top(j):
             continue
-        if accepted and shared[k] < SHARE * float(np.median(accepted)):
+        if accepted and shared[k] < NEIGHBOUR_SHARE * float(np.median(accepted)):
             continue
         if _opposite(neighbours[i], to_j) and _opposite(neighbours[j], to_i):
             neighbours[i].append((j, to_j))
@@ -72,7 +66,7 @@ def _opposite(neighbours: list[tuple[int, complex]], place: complex) -> bool:
     if len(neighbours) > 1:
         return False
     other = neighbours[0][1]
-    return (place * other.conjugate()).real <= OPPOSITE * abs(place) * abs(other)
+    return (place * other.conjugate()).real <= OPPOSITE_COSINE * abs(place) * abs(other)
 
 
 def _candidates(image: Int, point: Int, n_images: int) -> tuple[Int, Int]:
@@ -84,9 +78,9 @@ def _candidates(image: Int, point: Int, n_images: int) -> tuple[Int, Int]:
     for i in range(n_images):
         span = slice(common.indptr[i], common.indptr[i + 1])
         others, count = common.indices[span], common.data[span]
-        good = (others != i) & (count >= FEWEST)
+        good = (others != i) & (count >= FEWEST_OF_NEIGHBOURS)
         others, count = others[good], count[good]
-        for k in np.lexsort((others, -count))[:CANDIDATES].tolist():
+        for k in np.lexsort((others, -count))[:MOST_NEIGHBOUR_CANDIDATES].tolist():
             shared[min(i, int(others[k])), max(i, int(others[k]))] = int(count[k])
     pairs = np.array(sorted(shared), dtype=np.int64).reshape(-1, 2)
     return pairs, np.array([shared[i, j] for i, j in pairs.tolist()], dtype=np.int64)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from aatri.errors import ConvergenceError
-from aatri.orientation.bodies.deformation import MISFIT_OF_RIGHT, Misfit, bends_far_less, expected_ratio, sigma0_notes
+from aatri.orientation.bodies.deformation import Misfit, bends_far_less, expected_ratio, sigma0_notes
+from aatri.orientation.bodies.limits import MISFIT_OF_RIGHT
 
 
 def _levels(*weighted: float, redundancy: int = 400) -> list[str]:

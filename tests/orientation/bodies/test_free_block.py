@@ -9,8 +9,9 @@ from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.geometry.rotations import exp_rotation
 from aatri.geometry.similarity import Similarity, closed_form, transform
 from aatri.orientation.bodies import components
-from aatri.orientation.bodies.component_growth import WEAKEST_RAD, BodyPoints, grow_components
+from aatri.orientation.bodies.component_growth import BodyPoints, grow_components
 from aatri.orientation.bodies.components import join_strips
+from aatri.orientation.bodies.limits import WEAKEST_TIE_RAD
 
 RNG = np.random.default_rng(5)
 
@@ -111,7 +112,7 @@ def test_common_points_that_do_not_fit_each_other_tie_nothing() -> None:
     points = BodyPoints(np.repeat([0, 1], 3), np.tile([0, 1, 2], 2), np.concatenate([one, other]), covariance)
     member, _, ties = grow_components(points, 2)
     assert member.tolist() == [0, 1]
-    assert ties[0, 1].sigma_rad > WEAKEST_RAD
+    assert ties[0, 1].sigma_rad > WEAKEST_TIE_RAD
 
 
 @pytest.mark.parametrize("n", [5, 7, 12])

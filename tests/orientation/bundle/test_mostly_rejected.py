@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.orientation.bundle.groups.failed_search import MOST_RAYS_TRIED, mostly_rejected_images
+from aatri.orientation.bundle.groups.failed_search import mostly_rejected_images
+from aatri.orientation.bundle.groups.limits import MOST_RAYS_TRIED
 
 
 @pytest.mark.parametrize(("sigma0", "redundancy", "images"), [(1.0, 500, []), (1.3, 4, []), (1.5, 500, [2])])

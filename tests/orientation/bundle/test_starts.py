@@ -19,6 +19,7 @@ from aatri.orientation.bundle import from_afar
 from aatri.orientation.bundle.adjusted_terms import adjusted_with_terms
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.complete_start import complete_start
+from aatri.orientation.bundle.limits import MOST_FRUITLESS
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.space_start import images_turned_over
 from tests.campaigns.convergence_basin import disturbed, well_posed, without_positions
@@ -257,6 +258,6 @@ def test_other_starts_are_tried_no_more_where_they_better_nothing(
     restarts = from_afar.Restarts()
     for _ in range(4):
         from_afar.adjust_bundle_from_afar(inputs, restarts=restarts)
-    assert len(tried) == from_afar.MOST_FRUITLESS
+    assert len(tried) == MOST_FRUITLESS
     from_afar.adjust_bundle_from_afar(inputs)  # of another block nothing is known
-    assert len(tried) == from_afar.MOST_FRUITLESS + 1
+    assert len(tried) == MOST_FRUITLESS + 1

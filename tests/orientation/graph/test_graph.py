@@ -14,11 +14,12 @@ from aatri.geometry.similarity import transform
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.graph.component import ImageComponent
-from aatri.orientation.graph.component_bodies import FREE_SHARE, principal_distance_shares
+from aatri.orientation.graph.component_bodies import principal_distance_shares
 from aatri.orientation.graph.differences import fitted, fitted_robustly
 from aatri.orientation.graph.directions import CENTRE, POINT, _across, adjusted_directions
 from aatri.orientation.graph.few_points import by_few_points
 from aatri.orientation.graph.joining import _by_images
+from aatri.orientation.graph.limits import FREE_DISTANCE_SHARE
 from aatri.orientation.graph.rotations import averaged_rotations, closing_triangles
 from tests.complex_step import complex_step
 
@@ -230,4 +231,4 @@ def test_principal_distances_of_single_images_are_off_together_and_those_of_seve
     )
     block = SimpleNamespace(cameras=_Cameras(), images=SimpleNamespace(camera=of_image), camera_parameters=parameters)
     shares = principal_distance_shares(cast(Any, block), cast(Any, SimpleNamespace(image=np.arange(7))))
-    np.testing.assert_allclose(shares, [[0.01, FREE_SHARE, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0.02, 0.02, 0.02]])
+    np.testing.assert_allclose(shares, [[0.01, FREE_DISTANCE_SHARE, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0.02, 0.02, 0.02]])

@@ -20,7 +20,8 @@ from aatri.geometry.vectors import tangents, unit
 from aatri.orientation.relative.critical import degenerate_pairs, judged
 from aatri.orientation.relative.kernels.snooping import MANY, ROUNDS, SNOOPED
 from aatri.orientation.relative.kernels.start import FITS
-from aatri.orientation.relative.loops import BEHIND, ENOUGH, FALLBACKS, FEWEST
+from aatri.orientation.relative.limits import BEHIND_SHARE, ENOUGH_FIT, LEAST_SHARE_OF_MODEL
+from aatri.orientation.relative.loops import FALLBACKS
 from tests.adjustment.dense import DenseResult, Linearise, adjust
 from tests.adjustment.statistics.snooping import snoop, statistics
 from tests.orientation.relative.five_point import essential_starts
@@ -102,7 +103,7 @@ def adjust_pair(rays: RayPairs, start: State, active: Bool, *, limit: float, max
     # Standard deviations that are too small leave misfits everywhere; another start would not mend that. But where most
     # points had to go, those left can fit an orientation that is wrong altogether.
     near = float(np.median(np.abs(sampson(*start, rays)[0]))) <= limit
-    enough = bool(active.sum() >= ENOUGH * n and behind.sum() <= BEHIND * n)
+    enough = bool(active.sum() >= ENOUGH_FIT * n and behind.sum() <= BEHIND_SHARE * n)
     return AdjustedPair(result, active, test, points, (near or fits) and enough)
 
 
@@ -207,7 +208,7 @@ def relative_orientation(
         raise GeometryError(refused[0])
     solution = _best(rays, snooping_limit, max_iterations)
     used, n = int(solution.active.sum()), len(solution.active)
-    if used < max(min_points, 5) or used < FEWEST * n:
+    if used < max(min_points, 5) or used < LEAST_SHARE_OF_MODEL * n:
         raise GeometryError(f"only {used} of {n} points fit one orientation")
     return _finish(rays, solution, snooping_limit)
 

@@ -25,7 +25,7 @@ from aatri.observations.observed import NEARLY_EXACT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords, is_ray
 from aatri.orientation.bundle.blunders.exact_coordinates import softened
-from aatri.orientation.bundle.blunders.rejections import DOUBT
+from aatri.orientation.bundle.blunders.limits import DOUBT, SOFT_IN_TRIAL
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search_notes import labels
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, gains_of
@@ -41,9 +41,6 @@ STAY = (
 )
 
 NONE = np.zeros(0, dtype=np.int64)
-
-SOFT = 0.02
-"""Standard deviation that exact coordinates get for the trial, over that of a prediction without them."""
 
 
 @dataclass(frozen=True)
@@ -219,7 +216,7 @@ class _Attribution:
             others = np.diagonal(self.tested.result.point_covariance_m2, axis1=1, axis2=2)
             others = others[(others > 0).all(axis=1)]
             variance = np.median(others, axis=0) if len(others) else np.full(3, np.nan)
-        return SOFT * float(np.sqrt(variance.min(initial=np.inf))) if exact.any() else 0.0
+        return SOFT_IN_TRIAL * float(np.sqrt(variance.min(initial=np.inf))) if exact.any() else 0.0
 
 
 def _gains(tested: TestedBlock, place: int, records: AllRecords) -> Float:

@@ -27,10 +27,11 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import is_ray
+from aatri.orientation.bundle.blunders.limits import MUCH_LESS
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search import search
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
-from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, misfit
+from aatri.orientation.bundle.blunders.tested_block import misfit
 from aatri.orientation.bundle.result import BundleResult, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock
 

@@ -1,8 +1,8 @@
 """Exact values of points and images are tested too: they have no residual, and a wrong one bends the block unseen.
 
-For the test they are observed with `SOFT` of the standard deviation of new points, angles with its angle at the
-distance of the images. That is small beside what the other observations say of them, so that |w| is nearly that of the
-Lagrange multiplier of the condition that holds them,
+For the test they are observed with `SOFT_COORDINATE` of the standard deviation of new points, angles with its angle at
+the distance of the images. That is small beside what the other observations say of them, so that |w| is nearly that of
+the Lagrange multiplier of the condition that holds them,
 
     w = lambda / sigma_lambda,    sigma_lambda^2 = 1 / q,    q the variance of the coordinate without the condition
 
@@ -25,20 +25,14 @@ from aatri.notes import Note
 from aatri.observations.observed import Observed
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords, is_of_image
+from aatri.orientation.bundle.blunders.limits import MUCH_LESS, SOFT_COORDINATE, WORST_LEFT_OUT
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.robust_start import RobustStart
 from aatri.orientation.bundle.blunders.search_notes import labels
 from aatri.orientation.bundle.blunders.swaps import Swap
-from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, TestedBlock, misfit
+from aatri.orientation.bundle.blunders.tested_block import TestedBlock, misfit
 from aatri.orientation.bundle.result import from_result
 from aatri.orientation.bundle.seen_distances import median_distance_m
-
-SOFT = 0.3
-"""Of the median standard deviation of new points: adds a twentieth and less to that of a test."""
-
-WORST_LEFT_OUT = 4
-"""Exact coordinates with the largest tests, of which each is left out: tests of a block that is far off tell only
-roughly which coordinate bends it, an adjustment without it does."""
 
 MEDIAN = 1.26
 """Median of the largest of three normal errors, of either sign."""
@@ -153,7 +147,7 @@ def exact_as_observed(block: BundleInput, point_covariance_m2: Float) -> tuple[O
     new = np.isfinite(variance).all(axis=1) & (variance > 0).all(axis=1)
     if not new.any() or not any(map(is_testable, block.observed)):
         return None
-    sigma_m = SOFT * float(np.sqrt(np.median(variance[new])))
+    sigma_m = SOFT_COORDINATE * float(np.sqrt(np.median(variance[new])))
     distance_m = median_distance_m(block.rays, block.poses, block.xyz_m)  # 0: there are no rays to test angles by
     sigma_rad = sigma_m / distance_m if distance_m else 0.0
     return tuple(softened(o, sigma_rad if o.unit == "rad" else sigma_m) for o in block.observed)

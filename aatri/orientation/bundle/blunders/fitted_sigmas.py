@@ -15,6 +15,7 @@ from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.limits import HARMLESS, MOST_NOISY
 from aatri.orientation.bundle.blunders.noisy_images import noisiest_images
 from aatri.orientation.bundle.blunders.rejections import Rejections
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
@@ -24,18 +25,8 @@ from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock
 from aatri.orientation.bundle.result import BundleResult, from_result
 
-FAR_TOO_EXACT = 50.0
-"""Scale of a small kind beside what a robust adjustment finds wrong, from which it is wrong itself."""
-
-HARMLESS = 2.0
-"""Tests up to this many limits smear so little that no robust adjustment is needed."""
-
 MOST_SCALINGS = 5
 """Adjustments until the standard deviations fit."""
-
-
-MOST_NOISY = 3
-"""Images, and no more than a tenth of all: what more of them have is an error of something else."""
 
 
 class FittedSigmas(Rejections):

@@ -19,39 +19,23 @@ from aatri.adjustment.statistics.variance_components import LEAST_SHARE
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.blunders.limits import (
+    LEAST_REDUNDANCY_OF_IMAGE,
+    MISNAMED,
+    MOST_OF_BLOCK,
+    MOST_OF_STRIP,
+    NOISY,
+    NOISY_STRIP,
+    SUSPICIOUS,
+)
 from aatri.orientation.bundle.blunders.tested_block import residuals_beside
 from aatri.orientation.bundle.result import BundleResult
-
-SUSPICIOUS = 1.5
-"""Worth a trial: what least squares leave of an image's errors is less than these; the scale in the end decides."""
-
-APART = 10.0
-"""So much that the others no longer follow the image; what it is in the end its residuals tell."""
-
-MOST_OF_STRIP, MOST_OF_BLOCK = 2 / 3, 0.5
-"""Of the images of a strip, so many are suspicious where it is the strip that errs; of the images of a block that are
-more, it is the others that are better than usual."""
-
-LEAST_REDUNDANCY = 5.0
-"""Of an image, for a suspicion. Apart it has that of a resection, and counts if this is enough to tell a scale."""
-
-NOISY = 1.6 / 0.6
-"""Images of one flight are of unlike quality; errors of 0.6 to 1.6 times the usual ones are no fault of any
-(`python -m tests.campaigns.false_alarms`), and an image that errs by less than the worst of them beside the best is
-weighted like others."""
-
-NOISY_STRIP = 1.6
-"""The worst of an ordinary flight by itself, as above: most images of a strip together are not all the worst of it."""
 
 ASKED = {
     NOISY: "is it blurred, or measured badly? measure it again",
     NOISY_STRIP: "is it of another film, camera or scanner? give its image points standard deviations of their own",
 }
 """What a warning asks of an image, and of a strip."""
-
-MISNAMED = 50.0
-"""Points so much farther off have other points' numbers, or an image another's: errors of half a millimetre where 10 um
-are usual."""
 
 
 def is_of_images(o: Observed) -> bool:
@@ -93,7 +77,7 @@ def noisiest_images(
             redundancy += np.bincount(image, r.sum(axis=1), n_images)
             squares += np.bincount(image, np.einsum("nk,nk->n", v, v), n_images)
             parts.append((v, r, image))
-    large = (squares > SUSPICIOUS**2 * redundancy) & (redundancy >= LEAST_REDUNDANCY)
+    large = (squares > SUSPICIOUS**2 * redundancy) & (redundancy >= LEAST_REDUNDANCY_OF_IMAGE)
     is_apart = np.isin(np.arange(n_images), [k for images in apart for k in images])
     large &= ~is_apart
     v, r, image = (np.concatenate(values) for values in zip(*(_of_images(*part, large) for part in parts)))

@@ -22,6 +22,7 @@ from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, Poses
+from aatri.orientation.bundle.blunders.limits import FIRM
 
 PASSES = 3
 
@@ -30,9 +31,6 @@ AT_ONCE = 400_000
 
 FAR = 1e9
 """Whitened residual of what cannot be seen from where the point stands."""
-
-FIRM = 1e-3
-"""Standard deviation of an exact coordinate at its point, over that which the rays give it."""
 
 
 @dataclass(frozen=True)

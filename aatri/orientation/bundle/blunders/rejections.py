@@ -9,15 +9,12 @@ from aatri.arrays import Bool, Float, Int
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
+from aatri.orientation.bundle.blunders.limits import DOUBT
 from aatri.orientation.bundle.blunders.points import AtPoints, explained, with_start
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, gains_of
 from aatri.orientation.bundle.complete_start import robust_intersections
 from aatri.orientation.bundle.result import BundleResult
-
-DOUBT = 6.0
-"""|w| up to which records that nothing tells apart stay, and are named: the harm is small, and one of them, of a
-control point perhaps, is as good as the others. Beside long tails as much more as these add to the limit."""
 
 MOST_ATTRIBUTIONS = 3
 

@@ -21,15 +21,10 @@ from aatri.geometry.collinearity import in_image_axes, project
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.image_points import renumbered_records
 from aatri.observations.poses import POINT, POSE
-from aatri.orientation.bundle.blunders.swaps import MOST_IN_AN_IMAGE, Swap, are_image_points
+from aatri.orientation.bundle.blunders.limits import FITS_NUMBER, MOST_IN_AN_IMAGE, NEAR_NUMBER
+from aatri.orientation.bundle.blunders.swaps import Swap, are_image_points
 from aatri.orientation.bundle.result import BundleResult
 from aatri.orientation.bundle.rounds import OtherNumber
-
-FITS = 2.0
-"""Where the other is expected is known worse than a coordinate is measured: from its own rays, often two."""
-
-COARSE = 0.01
-"""Share of the principal distance within which a point is looked at: lens and film are left out at first."""
 
 
 def renumbered_rays(
@@ -117,9 +112,9 @@ def _near(
     points, xy = points[in_front], project(u[in_front], np.full(int(in_front.sum()), c))
     low, high = extent_mm
     count = int(((xy >= low) & (xy <= high)).all(axis=1).sum())
-    near = (np.abs(rays.xy_mm[rows][:, None, :] - xy) <= COARSE * c).all(axis=2)
+    near = (np.abs(rays.xy_mm[rows][:, None, :] - xy) <= NEAR_NUMBER * c).all(axis=2)
     i, k = np.nonzero(near)
-    box = (2.0 * limit * FITS * rays.sigma_mm[rows]).prod(axis=1)
+    box = (2.0 * limit * FITS_NUMBER * rays.sigma_mm[rows]).prod(axis=1)
     chance = np.minimum(1.0, count * box / max(float((high - low).prod()), 1e-12))
     return rows[i], points[k], chance[i]
 
@@ -132,7 +127,7 @@ def _fitting(
         return []
     records = renumbered_records(rays, tuple(p.given for p in result.parameters), row, point)
     v = np.abs(records.evaluate(result.adjusted.state, np.arange(len(row)))[0])
-    bound = limit * FITS * rays.sigma_mm[row]
+    bound = limit * FITS_NUMBER * rays.sigma_mm[row]
     fits = (v <= bound).all(axis=1) & (chance <= FALSE_ALARM)
     unique = fits & (np.bincount(row[fits], minlength=len(rays.image))[row] == 1)
     renumbered = unique & (point != rays.point[row])

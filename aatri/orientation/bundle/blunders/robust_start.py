@@ -20,7 +20,8 @@ from aatri.errors import ConvergenceError, GeometryError
 from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import is_ray
-from aatri.orientation.bundle.blunders.fitted_sigmas import FAR_TOO_EXACT, MOST_SCALINGS, FittedSigmas
+from aatri.orientation.bundle.blunders.fitted_sigmas import MOST_SCALINGS, FittedSigmas
+from aatri.orientation.bundle.blunders.limits import ASTRAY, FAR_TOO_EXACT
 from aatri.orientation.bundle.blunders.robust import (
     Adjust,
     AdjustOptions,
@@ -33,10 +34,6 @@ from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.swaps import exchanged_coordinates
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock, least_squares_covariance, tests_of
 from aatri.orientation.bundle.result import BundleResult, from_result, held_for_datum
-
-ASTRAY = 20.0
-"""Tests of least squares beyond so many limits: what is so far off may turn an image against its other rays, by Huber's
-loss too. Chosen by blocks of 15 to 30 images with one number given twice (5 of 38 lost right observations)."""
 
 
 class RobustStart(FittedSigmas):

@@ -23,7 +23,8 @@ from aatri.notes import Note
 from aatri.observations.observed import Observed, full_whitener
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput, ImageGroups
-from aatri.orientation.bundle.blunders.noisy_images import APART, ASKED, NOISY, NOISY_STRIP, is_of_images
+from aatri.orientation.bundle.blunders.limits import APART, MOST_TOGETHER, NO_ERRORS, NOISY, NOISY_STRIP
+from aatri.orientation.bundle.blunders.noisy_images import ASKED, is_of_images
 from aatri.orientation.bundle.blunders.tested_block import (
     is_prior,
     largest_gain_beside,
@@ -35,12 +36,6 @@ from aatri.orientation.bundle.variance_groups import with_factor
 
 SETTLED = 1.1
 """A scale in use that changes by less than this factor stays."""
-
-MOST_TOGETHER = 150
-"""Components of a kind up to which its residuals are looked at together: with more it has redundancy enough."""
-
-NO_ERRORS = 0.02
-"""Residuals so much smaller than the standard deviations are no measurements': an example made without errors."""
 
 
 @dataclass(frozen=True)

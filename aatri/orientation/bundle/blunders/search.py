@@ -35,7 +35,7 @@ from aatri.observations.poses import POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.attribution_in_kind import attributed_in_kind
 from aatri.orientation.bundle.blunders.exact_coordinates import ExactCoordinates, SearchEnd, exact_notes
-from aatri.orientation.bundle.blunders.fitted_sigmas import HARMLESS
+from aatri.orientation.bundle.blunders.limits import HARMLESS
 from aatri.orientation.bundle.blunders.points import well_intersected
 from aatri.orientation.bundle.blunders.renumbered_rays import renumbered_rays
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions

@@ -12,11 +12,9 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
+from aatri.orientation.bundle.blunders.limits import REJECTED_LEAST, REJECTED_SHARE
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.rounds import OtherNumber
-
-REJECTED_SHARE, REJECTED_LEAST = 0.3, 5
-"""An image is named itself where so many of its image points are rejected; a point where half of its rays are."""
 
 
 def labels(observed: Observed, rows: Bool) -> tuple[str, ...]:

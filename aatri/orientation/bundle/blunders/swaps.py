@@ -23,10 +23,8 @@ from aatri.arrays import Bool, Float, Int
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
+from aatri.orientation.bundle.blunders.limits import MOST_IN_AN_IMAGE
 from aatri.orientation.bundle.result import BundleResult
-
-MOST_IN_AN_IMAGE = 200
-"""Rejected image points of an image up to which pairs are tried: with more the image itself is wrong."""
 
 
 @dataclass(frozen=True)

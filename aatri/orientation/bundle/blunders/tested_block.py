@@ -22,10 +22,6 @@ from aatri.orientation.bundle.blunders.all_records import is_ray
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.result import BundleResult
 
-MUCH_LESS = 0.5
-"""Share of the squares of what is above the limit that an explanation may leave: one that leaves more is not what is
-wrong."""
-
 
 @dataclass(frozen=True)
 class TestedBlock:

@@ -17,6 +17,7 @@ from scipy.special import chdtri
 from aatri.adjustment.elimination.effects import Effects
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.groups.limits import ENOUGH_UNITS
 from aatri.orientation.bundle.result import BundleResult
 
 AFFINITY = 4
@@ -27,12 +28,6 @@ ALL = "all"
 
 IMAGE = "image"
 """The unit of the points of one image."""
-
-ENOUGH = 10
-"""Units from which on most of them are right, and tell what units have in common without being wrong."""
-
-MOST_TYPICAL = 24
-"""Images that tell what images and their neighbourhoods have in common where nothing is wrong with them."""
 
 NEIGHBOURHOOD = "neighbourhood"
 """What units of image points near each other are."""
@@ -127,14 +122,14 @@ class Candidates:
 def dispersion_of(gains: Float, degrees: int, variance: float = 1.0) -> float:
     """How many times the gains of units are those of chance, chi-square times a variance; at least 1.
 
-    The median knows nothing of the units that are wrong; that of fewer than `ENOUGH` says nothing.
+    The median knows nothing of the units that are wrong; that of fewer than `ENOUGH_UNITS` says nothing.
 
     Parameters
     ----------
     gains : (n,) float64
         Of units of the whole block, chosen without regard to their residuals.
     """
-    chance = variance * float(chdtri(degrees, 0.5)) if len(gains) >= ENOUGH and degrees > 0 else 0.0
+    chance = variance * float(chdtri(degrees, 0.5)) if len(gains) >= ENOUGH_UNITS and degrees > 0 else 0.0
     return max(1.0, float(np.median(gains)) / chance) if chance > 0 else 1.0
 
 

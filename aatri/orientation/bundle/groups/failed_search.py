@@ -38,21 +38,13 @@ from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.limits import MUCH_LESS
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
-from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS
 from aatri.orientation.bundle.from_afar import is_of_most
+from aatri.orientation.bundle.groups.limits import MOST_IMAGES_TRIED, MOST_RAYS_TRIED, MOST_SCATTERED, SCATTERED
 from aatri.orientation.bundle.groups.search import AcceptedGroup
 from aatri.orientation.bundle.result import AT_INFINITY, BundleResult, distance_tests, from_result
 from aatri.orientation.bundle.rounds import AdjustedBlock, with_readmission
-
-SCATTERED = 30.0
-"""Starts of strips and graphs miss by some sigmas of the image points; a wrong number by hundreds and more."""
-
-MOST_SCATTERED = 0.01
-"""Share of the points, but one in any case: where more are scattered, the start is wrong."""
-
-MOST_TRIED, MOST_RAYS_TRIED = 12, 50_000
-"""Images that are left out on trial, one by one, of blocks of so many rays at most: beyond, it takes minutes."""
 
 Search = Callable[[BundleInput], tuple[AdjustedBlock, tuple[AcceptedGroup, ...]]]
 
@@ -159,7 +151,7 @@ def mostly_rejected_images(rays: ImagePointRows | None, result: BundleResult) ->
         return []
     measured, used = (np.bincount(rays.image[rows], minlength=n) for rows in (rays.active, result.ray_used))
     share = np.where(result.image_adjusted, used / np.maximum(measured, 1), 1.0)
-    worst = np.argsort(share, kind="stable")[:MOST_TRIED]
+    worst = np.argsort(share, kind="stable")[:MOST_IMAGES_TRIED]
     images: list[int] = worst[share[worst] < 0.5].tolist()
     return images
 
@@ -254,11 +246,11 @@ def _misses(block: BundleInput, rays: ImagePointRows) -> tuple[Int, Float]:
 def _doubtful_images(block: BundleInput, rays: ImagePointRows) -> list[int]:
     """All images of a small block; of a larger one those whose rays miss by most at the start; none of a large one."""
     images = np.unique(rays.image[rays.active])
-    if len(images) > MOST_TRIED:
+    if len(images) > MOST_IMAGES_TRIED:
         use, of_ray = _misses(block, rays)
         of_images = (of_ray[rays.image[use] == image] for image in images)
         middle = [np.median(miss) if len(miss) else 0.0 for miss in of_images]
-        images = images[np.argsort(-np.array(middle), kind="stable")[:MOST_TRIED]]
+        images = images[np.argsort(-np.array(middle), kind="stable")[:MOST_IMAGES_TRIED]]
     return images.tolist() if len(rays.image) <= MOST_RAYS_TRIED else []
 
 

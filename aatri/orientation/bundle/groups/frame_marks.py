@@ -24,6 +24,7 @@ from aatri.observations.poses import POINT
 from aatri.orientation.bundle.block import BundleInput, start_of
 from aatri.orientation.bundle.groups.candidates import MARK, Candidates, Cause
 from aatri.orientation.bundle.groups.group import Group
+from aatri.orientation.bundle.groups.limits import HARDLY_SEEN
 from aatri.orientation.bundle.result import BundleResult
 
 COORDINATES = "coordinates"
@@ -31,9 +32,6 @@ COORDINATES = "coordinates"
 
 SETS_OUT = "control with full covariances takes no part: without the points rejected before it has no solution"
 """Of control of which points cannot be left out alone."""
-
-HARDLY_SEEN = 1e-3
-"""Singular value, as a share of the largest, of a direction in which distances hardly see a mark: it stays there."""
 
 PASSES = 3
 """Gauss-Newton steps to where the distances have a mark."""

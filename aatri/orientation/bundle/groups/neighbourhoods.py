@@ -18,25 +18,19 @@ from scipy.special import chdtri
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int
 from aatri.observations.image_point_rows import ImagePointRows
-from aatri.orientation.bundle.groups.candidates import MOST_TYPICAL, NEIGHBOURHOOD, Candidates, Cause, dispersion_of
+from aatri.orientation.bundle.groups.candidates import NEIGHBOURHOOD, Candidates, Cause, dispersion_of
+from aatri.orientation.bundle.groups.limits import (
+    FEWEST_LARGE,
+    LARGE_RESIDUAL,
+    LEAST_LEFT,
+    MOST_IMAGES_TESTED,
+    MOST_OF_A_NEIGHBOURHOOD,
+    MOST_OF_AN_IMAGE,
+    MOST_TYPICAL,
+)
 
 SIZES = (3, 4, 6, 8, 12, 16, 24, 32)
 """Points of a neighbourhood."""
-
-MOST_OF_AN_IMAGE = 0.7
-"""A larger share of the points of an image is no neighbourhood: the image itself is wrong."""
-
-MOST_OF_A_NEIGHBOURHOOD = 0.6
-"""Share of its points that another image must show to be tried instead."""
-
-LARGE, FEWEST_LARGE = 2.5, 3
-"""Images with so many residuals beyond so many standard deviations are looked at."""
-
-LEAST_LEFT = 0.1
-"""Of a shift of 0.7 of the points of an image a linear field over the image takes up 0.9."""
-
-MOST_IMAGES = 12
-"""Images that are tested by themselves, those with the largest bounds."""
 
 
 def moved_together(
@@ -44,7 +38,7 @@ def moved_together(
 ) -> Iterator[Candidates]:
     """Neighbourhoods of image points, to be tested for a common shift; v (n, 2), the whitened residuals of the rows."""
     image, point, xy_mm = rays.image[rows], rays.point[rows], rays.xy_mm[rows]
-    large: Bool = np.asarray((np.abs(v) > LARGE).any(axis=1))
+    large: Bool = np.asarray((np.abs(v) > LARGE_RESIDUAL).any(axis=1))
     order, count = np.argsort(image, kind="stable"), np.bincount(image, minlength=len(image_ids))
     last = np.cumsum(count)
     searched = [
@@ -54,11 +48,11 @@ def moved_together(
     ]
     bounds = [_largest(xy_mm[those], v[those], np.flatnonzero(large[those]))[0] for those in searched]
     worst = []
-    for k in np.argsort(bounds)[: -2 * MOST_IMAGES - 1 : -1].tolist():
+    for k in np.argsort(bounds)[: -2 * MOST_IMAGES_TESTED - 1 : -1].tolist():
         those = searched[k]
         bound, near = _largest(xy_mm[those], v[those], np.arange(len(those)))
         worst.append((bound, those[near]))
-    worst = sorted(worst, key=lambda one: -one[0])[:MOST_IMAGES]
+    worst = sorted(worst, key=lambda one: -one[0])[:MOST_IMAGES_TESTED]
     if not worst:
         return
     seen = np.isin(np.arange(len(point_ids)), point[np.concatenate([those for _, those in worst])])[point]

@@ -37,11 +37,8 @@ from aatri.orientation.bundle.groups.candidates import (
     dispersion_of,
 )
 from aatri.orientation.bundle.groups.group import Group, with_change
+from aatri.orientation.bundle.groups.limits import EXPLAINS, MOST_CANDIDATE_GROUPS
 from aatri.orientation.bundle.result import BundleResult
-
-MOST_GROUPS, EXPLAINS = 4, 0.1
-"""Groups that are returned, and the share that each explains at least of what the best does: one step from a model that
-is far off tells them apart only so far, an adjustment with each of them does."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +90,7 @@ def significant_groups(
         if not is_carried(t.candidates, t.unit, t.cause, accepted)
     ]
     groups: list[Group] = []
-    while significant and len(groups) < MOST_GROUPS:
+    while significant and len(groups) < MOST_CANDIDATE_GROUPS:
         gain = np.array([t.gain for t in significant])
         if groups and gain.max() < EXPLAINS * groups[0].gain:
             break

@@ -30,13 +30,15 @@ from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
+from aatri.orientation.bundle.blunders.limits import MUCH_LESS
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
-from aatri.orientation.bundle.blunders.tested_block import MUCH_LESS, misfit, tests_in_use, tests_of
+from aatri.orientation.bundle.blunders.tested_block import misfit, tests_in_use, tests_of
 from aatri.orientation.bundle.groups.as_unknowns import name_of, with_groups, without_groups
 from aatri.orientation.bundle.groups.candidates import MARK, CandidatesOf
 from aatri.orientation.bundle.groups.frame_marks import SETS_OUT, rejected_points_of_sets, without_rejected_sets
 from aatri.orientation.bundle.groups.group import Group, with_harm
+from aatri.orientation.bundle.groups.limits import MOST_GROUPS, ROUGH_SQUARES, SEVERAL
 from aatri.orientation.bundle.groups.score_tests import at_result, is_significant, significant_groups
 from aatri.orientation.bundle.groups.single_errors import attempted, beyond_exact, cost_without_worst, largest_gain_root
 from aatri.orientation.bundle.result import BundleResult, from_result
@@ -44,18 +46,9 @@ from aatri.orientation.bundle.rounds import AdjustedBlock
 
 Single = Callable[[BundleInput, list[BundleResult] | None], AdjustedBlock]
 
-MOST_GROUPS = 6
-"""Groups that are looked for, one by one; where more is wrong, the model of the block is."""
-
-SEVERAL = 3
-"""Rejections of a kind that may be a group: two are single ones."""
-
 MOST_LINEARISED, LINEAR = 8, 0.1
 """Adjustments until the effect of a group at measured coordinates stays, and the change of it, in standard deviations,
 that is none: c wrong by a quarter leaves residuals of which a quarter is wrong in the next."""
-
-ROUGH = 25.0
-"""By how much v'v of the adjustments on the way may differ from its least: they end with a decrement of 5."""
 
 
 @dataclass(frozen=True)
@@ -199,7 +192,7 @@ def _groups_before_single_errors(
         if not fits:
             break
         least_cost = min(r.adjusted.cost for _, r in fits)
-        tolerance = ROUGH + SEPARABLE * max(1.0, least_cost / max(result.adjusted.redundancy, 1))
+        tolerance = ROUGH_SQUARES + SEPARABLE * max(1.0, least_cost / max(result.adjusted.redundancy, 1))
         if cost_without_worst(with_groups(block, groups), result, adjust) <= least_cost + tolerance:
             break
         equivalent = [(g, r) for g, r in fits if r.adjusted.cost <= least_cost + tolerance]

@@ -1,0 +1,102 @@
+"""Thresholds of the search for single gross errors and of fitted standard deviations, each once, with its source."""
+
+# --- attribution in kind
+
+SOFT_IN_TRIAL = 0.02
+"""Standard deviation that exact coordinates get for the trial, over that of a prediction without them."""
+
+# --- exact coordinates
+
+SOFT_COORDINATE = 0.3
+"""Of the median standard deviation of new points: adds a twentieth and less to that of a test."""
+
+WORST_LEFT_OUT = 4
+"""Exact coordinates with the largest tests, of which each is left out: tests of a block that is far off tell only
+roughly which coordinate bends it, an adjustment without it does."""
+
+# --- fitted sigmas
+
+FAR_TOO_EXACT = 50.0
+"""Scale of a small kind beside what a robust adjustment finds wrong, from which it is wrong itself."""
+
+HARMLESS = 2.0
+"""Tests up to this many limits smear so little that no robust adjustment is needed."""
+
+MOST_NOISY = 3
+"""Images, and no more than a tenth of all: what more of them have is an error of something else."""
+
+# --- noisy images
+
+SUSPICIOUS = 1.5
+"""Worth a trial: what least squares leave of an image's errors is less than these; the scale in the end decides."""
+
+APART = 10.0
+"""So much that the others no longer follow the image; what it is in the end its residuals tell."""
+
+MOST_OF_STRIP, MOST_OF_BLOCK = 2 / 3, 0.5
+"""Of the images of a strip, so many are suspicious where it is the strip that errs; of the images of a block that are
+more, it is the others that are better than usual."""
+
+LEAST_REDUNDANCY_OF_IMAGE = 5.0
+"""Of an image, for a suspicion. Apart it has that of a resection, and counts if this is enough to tell a scale."""
+
+NOISY = 1.6 / 0.6
+"""Images of one flight are of unlike quality; errors of 0.6 to 1.6 times the usual ones are no fault of any
+(`python -m tests.campaigns.false_alarms`), and an image that errs by less than the worst of them beside the best is
+weighted like others."""
+
+NOISY_STRIP = 1.6
+"""The worst of an ordinary flight by itself, as above: most images of a strip together are not all the worst of it."""
+
+MISNAMED = 50.0
+"""Points so much farther off have other points' numbers, or an image another's: errors of half a millimetre where 10 um
+are usual."""
+
+# --- points
+
+FIRM = 1e-3
+"""Standard deviation of an exact coordinate at its point, over that which the rays give it."""
+
+# --- rejections
+
+DOUBT = 6.0
+"""|w| up to which records that nothing tells apart stay, and are named: the harm is small, and one of them, of a
+control point perhaps, is as good as the others. Beside long tails as much more as these add to the limit."""
+
+# --- renumbered rays
+
+FITS_NUMBER = 2.0
+"""Where the other is expected is known worse than a coordinate is measured: from its own rays, often two."""
+
+NEAR_NUMBER = 0.01
+"""Share of the principal distance within which a point is looked at: lens and film are left out at first."""
+
+# --- robust start
+
+ASTRAY = 20.0
+"""Tests of least squares beyond so many limits: what is so far off may turn an image against its other rays, by Huber's
+loss too. Chosen by blocks of 15 to 30 images with one number given twice (5 of 38 lost right observations)."""
+
+# --- scaling
+
+MOST_TOGETHER = 150
+"""Components of a kind up to which its residuals are looked at together: with more it has redundancy enough."""
+
+NO_ERRORS = 0.02
+"""Residuals so much smaller than the standard deviations are no measurements': an example made without errors."""
+
+# --- search notes
+
+REJECTED_SHARE, REJECTED_LEAST = 0.3, 5
+"""An image is named itself where so many of its image points are rejected; a point where half of its rays are."""
+
+# --- swaps
+
+MOST_IN_AN_IMAGE = 200
+"""Rejected image points of an image up to which pairs are tried: with more the image itself is wrong."""
+
+# --- tested block
+
+MUCH_LESS = 0.5
+"""Share of the squares of what is above the limit that an explanation may leave: one that leaves more is not what is
+wrong."""

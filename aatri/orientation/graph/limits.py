@@ -1,0 +1,111 @@
+"""Thresholds of the orientation image by image, each once, with its source."""
+
+# --- component
+
+ALL_SIDES = 0.3
+"""Length of the mean viewing direction below which images look to all sides."""
+
+WIDE_RAD = 0.03
+"""Rays farther off than this before the bundle are left out of it."""
+
+FEWEST_POINTS = 6
+"""Images with fewer points that fit are not oriented."""
+
+LEAST_SHOWN = 0.1
+"""Share of the errors that residuals show at least: with fewer, what is left out says more of them."""
+
+LEAST_FITTING = 0.4
+"""Images of which a smaller share of the points fits in the end are not oriented."""
+
+LEAST_SPREAD = 0.1
+"""Standard deviations stated ten times too large count no more: residuals of made-up points may be zero."""
+
+# --- component bodies
+
+FREE_DISTANCE_SHARE = 0.1
+"""Standard deviation of a principal distance of which nothing is said, as a share of it."""
+
+DATUM_SHARE = 0.1
+"""Standard deviation of approximate coordinates as a share of the extent of the ground points: errors of it turn a
+block by 0.1 rad, from which each trial of docs/convergence.md converges; what is observed more exactly outweighs them.
+"""
+
+# --- few points
+
+FEWEST_COMMON, MOST_COMMON = 2, 12
+"""Common points that give a scale, and those of which each is left out once: of more one wrong turns no start."""
+
+WEAKEST_COMBINATION = 0.02
+"""Least effect of a combination of the seven unknowns on the rays that fit, as a share of the largest: its error is at
+most fifty times that of the best known one."""
+
+# --- free images
+
+WRONG_ROTATION_RAD = 0.05
+"""A pair whose rotation is off by more than this, or `WRONG_SIGMAS` times its own standard deviation, is wrong."""
+
+OPEN_TRIANGLES = 0.1
+"""Share of its triangles below which a pair is trusted this much."""
+
+# --- ground tests
+
+CONTRADICTED = 0.02
+"""Deformation of a component, as a share of the distance of the images, beyond which scarce observations, or points
+shared with neighbours, contradict each other: a principal distance a fifth off deforms so much over ground that rises
+by a tenth of the distance."""
+
+DEFORMED = 5.0
+"""Times the standard deviation of its points that a component may be deformed by without a warning."""
+
+# --- joining
+
+FEWEST_TO_JOIN = 5
+"""Points in common that must fit, for components to be joined."""
+
+FITTING_SHARE = 0.02
+"""Common points fit within this share of their extent."""
+
+MOST_WRONG = 0.4
+"""Share of the common points that may be wrong."""
+
+ON_A_LINE = 0.02
+"""Common points lie on a line if they spread less across it, as a share of their length."""
+
+FEWEST_DISTANCES, SAME_SCALE = 2, 0.05
+"""Common points that must agree on the scale of components that share an image, to this share of it."""
+
+# --- neighbouring components
+
+FEWEST_OTHERS, MOST_SHARED = 4, 30
+"""Points shared with neighbours that must fit each other for another to be the wrong one (three fit alone by two
+conditions); of more points than the second one wrong does not spoil the start."""
+
+# --- rotations
+
+CLOSED_RAD = 0.02
+"""A triangle closes within this, or within `OFF_SIGMAS` standard deviations where these are larger."""
+
+# --- scales
+
+PAIRS_PER_IMAGE = 8
+"""Pairs of each image that carry scale: the strongest ones, and a tree of all."""
+
+FEWEST_FOR_SCALE = 3
+"""Two pairs with fewer points in common do not tell the ratio of their bases; three stand at the standard positions."""
+
+SPREAD_OF_SCALES = 0.5
+"""Ratios whose points disagree by more than this (median deviation of the logarithm) are not used."""
+
+# --- to ground
+
+OPEN_MOTION = 1e-8
+"""The same below which a motion is held where the datum is free."""
+
+# --- triangulation
+
+TRIM_LIMIT = 5.0
+"""Rays are trimmed beyond so many standard deviations, or so many times the spread where that is larger: of normal
+errors one in 270,000, exp(-LIMIT^2 / 2) of lengths of two components; the bundle tests it again."""
+
+LEAST_PARALLAX_RAD = 0.005
+"""Points whose rays all lie within a smaller angle are not determined."""
