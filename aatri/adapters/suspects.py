@@ -13,7 +13,7 @@ from aatri.adapters.observation_tables import suspect_table
 from aatri.adapters.solution import stacked
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
-from aatri.adjustment.statistics.exchanged import SHARE_REJECTED
+from aatri.adjustment.statistics.limits import SHARE_REJECTED
 from aatri.adjustment.statistics.record_tests import record_tests
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text

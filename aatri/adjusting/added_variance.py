@@ -11,6 +11,7 @@ ties are off together, and smoothly.
 import numpy as np
 from scipy.spatial import cKDTree
 
+from aatri.adjusting.limits import BORDER_TIES, STEEPEST_BEND
 from aatri.adjustment.statistics.limits import SINGLE_LIMIT
 from aatri.adjustment.whitening import inverse_cholesky
 from aatri.arrays import Bool, Float, Int, sums_of
@@ -19,10 +20,6 @@ from aatri.observations.observed import NEARLY_EXACT, Observed, Spread
 EXACT = 1e-2
 """Standard deviation of exact control, as a share of that of the bodies' points: its residuals stay below 1e-4 of the
 discrepancies, and its redundancy can still be told from rounding."""
-
-BORDER, STEEPEST = 3, 0.5
-"""So many nearest ties below the limit say by their median how a bend begins, as a share of the limit: ties beside some
-that are wrong together have tests of right ones, whose median is 0.9 to 1.5 and the limit 4 to 6."""
 
 NEIGHBOURS = 6
 """Nearest ties of an overlap that say how a body bends at one of them: two wrong ones do not move their median far."""
@@ -135,6 +132,6 @@ def bent(
             / np.sqrt(np.maximum(share, np.finfo(float).tiny))
             for others in (beside, residual[border])
         )
-        rises = np.median(test[border[:, :BORDER]], axis=1) > STEEPEST * limit
+        rises = np.median(test[border[:, :BORDER_TIES]], axis=1) > STEEPEST_BEND * limit
         bends[asked] = (off <= limit).all(axis=1) & rises | (of_border <= SINGLE_LIMIT).all(axis=1)
     return bends

@@ -19,9 +19,6 @@ from aatri.geometry.intersection import intersect_rays
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 
-UNCERTAIN = 0.1
-"""Share of its distance by which a point of nearly parallel rays is uncertain: its rays tell nothing of each other."""
-
 MOST_ITERATIONS = 20
 SETTLED = 1e-6
 """Of the standard deviation: a smaller step ends the iteration."""

@@ -292,3 +292,8 @@ CONTROL_SHARE = 1.0 / 3.0
 
 MOST_MIRRORED = 30
 """Models of which an axis is reversed on trial: each costs two adjustments, and more are joined by points in relief."""
+
+# --- left out
+
+SAME_UNIT = 0.01
+"""A distance this near to one in another unit, as a share of it, is in that unit."""

@@ -35,9 +35,10 @@ from aatri.evaluation.differences import (
     truth_differences,
 )
 from aatri.evaluation.leave_one_out import leave_one_out, left_out_figures
+from aatri.evaluation.limits import ENOUGH_CHECK_POINTS
 from aatri.evaluation.orientations import by_axis, observed_position_figures, true_orientation_figures
 from aatri.evaluation.statistics import bias, counts, largest, outside_hull, rmse, rmse_interval
-from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS, expected_ratios, verdict
+from aatri.evaluation.verdict import expected_ratios, verdict
 from aatri.units import together
 
 

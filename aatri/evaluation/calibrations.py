@@ -12,15 +12,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from aatri.adapters.limits import SAME_NOMINAL_MM
 from aatri.arrays import Bool, Float
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures, ParameterChanges
 from aatri.artifacts.solution import CalibratedSets, Solution
 from aatri.errors import InputError
 from aatri.evaluation.congruence import Congruence, congruence, explain_as_well
 from aatri.ids import printable
-
-SAME_MM = 1e-6
-"""Nominal values that differ by less are the same, read from other digits."""
 
 
 def compared_calibrations(earlier: Solution, later: Solution, *, level: float) -> Evaluation:
@@ -99,7 +97,7 @@ def _check_nominal(earlier: Solution, later: Solution) -> None:
     """Parameters of the same camera, session or image correct the same nominal values."""
     before, after = (_nominal_mm(solution.calibrated_sets) for solution in (earlier, later))
     for name in before.keys() & after.keys():
-        if not np.allclose(before[name], after[name], rtol=0.0, atol=SAME_MM):
+        if not np.allclose(before[name], after[name], rtol=0.0, atol=SAME_NOMINAL_MM):
             raise InputError(
                 f"{printable(name)} has other nominal values than in the earlier calibration: c, x0, y0, half format "
                 f"{_numbers(after[name])} mm, earlier {_numbers(before[name])} mm",

@@ -19,11 +19,11 @@ from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
+from aatri.evaluation.limits import FEWEST_FOR_DOMING
 from aatri.ids import rows_of
 from aatri.notes import FAR_OFF, Note
 from aatri.units import about
 
-FEWEST = 6
 NOTHING_M = 1e-6
 """Smaller bends are rounding."""
 
@@ -75,7 +75,7 @@ def doming(xy_m: Float, difference_m: Float) -> tuple[float, float] | None:
     """
     determined = np.isfinite(difference_m) & np.isfinite(xy_m).all(axis=1)
     n = int(determined.sum())
-    if n < FEWEST:
+    if n < FEWEST_FOR_DOMING:
         return None
     r2 = ((xy_m[determined] - xy_m[determined].mean(axis=0)) ** 2).sum(axis=1)
     u = r2 / r2.max() if r2.max() > 0 else r2

@@ -24,6 +24,7 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.evaluation import Differences, Displacements, Evaluation, Figures
 from aatri.errors import InputError
 from aatri.evaluation.congruence import Congruence, congruence
+from aatri.evaluation.limits import LEAST_FOR_ALIGNMENT, SAME_EPOCH
 from aatri.geometry.similarity import closed_form, motions
 from aatri.ids import printable, shown
 from aatri.units import together
@@ -123,14 +124,6 @@ def _laid_on(
     laid = EpochPoints(b.id, b.xyz_m @ M.T + shift, covariance)
     _check_frames(a, laid)
     return laid, None if cross_m2 is None else np.einsum("nimk,lk->niml", cross_m2, M)
-
-
-LEAST_FOR_ALIGNMENT = 3
-"""Points that determine a similarity."""
-
-
-SAME_EPOCH = 1e-6
-"""Share of the smallest detectable displacement below which all differences are rounding: no two surveys agree so."""
 
 
 def _tested(

@@ -26,13 +26,11 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures
 from aatri.errors import InputError
+from aatri.evaluation.limits import INSIDE_SHARE
 from aatri.ids import several
 from aatri.options import Options
 
 CELLS = 3
-
-INSIDE = 0.9
-"""Share of an axis between the 5th and the 95th percentile; the rest falls to the outer cells."""
 
 SIGHTS = ("direction", "angle", "zenith", "azimuth")
 
@@ -158,8 +156,8 @@ def _broken_rules(layout: _Layout, options: FieldOptions) -> list[str]:
 
 def _crowding(count: Int) -> float:
     """X2 of the targets per cell, against cells that get their share of the field."""
-    outer = (1.0 - INSIDE) / 2.0 + INSIDE / CELLS
-    share = np.full(CELLS, INSIDE / CELLS)
+    outer = (1.0 - INSIDE_SHARE) / 2.0 + INSIDE_SHARE / CELLS
+    share = np.full(CELLS, INSIDE_SHARE / CELLS)
     share[[0, -1]] = outer
     expected = count.sum() * np.outer(share, share).ravel()
     return float(((count - expected) ** 2 / expected).sum())

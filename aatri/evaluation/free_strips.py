@@ -22,10 +22,8 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures, StripErrors
 from aatri.artifacts.strips import Strips
+from aatri.evaluation.limits import FIRST_OF_GROWTH
 from aatri.geometry.rotations import log_rotation
-
-LEAST = 4
-"""From this model on, the exponent of growth is fitted: the law is a power only for large n."""
 
 
 def free_strip_errors(strips: Strips, position_m: Float, ground_from_image: Float) -> Evaluation:
@@ -47,7 +45,7 @@ def free_strip_errors(strips: Strips, position_m: Float, ground_from_image: Floa
     }
     words = f"free strips laid on their first model: after {n[-1]} models heights are off by {1e3 * height[-1]:.3g} "
     words += f"thousandths of a base (RMS of {table.strips[-1]})"
-    long_enough = (n >= LEAST) & (height > 0)
+    long_enough = (n >= FIRST_OF_GROWTH) & (height > 0)
     if long_enough.sum() > 2:
         growth = float(np.polyfit(np.log(n[long_enough]), np.log(height[long_enough]), 1)[0])
         figures["strip_height_growth"] = growth

@@ -7,21 +7,13 @@ import numpy as np
 from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
+from aatri.evaluation.limits import ACROSS_BASE, FEWEST_OF_MODEL, LEAST_BASE
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.observations.poses import Poses
 from aatri.orientation.relative.orientations import common_points
 
-FEWEST = 6
-"""Common points from which on two images are a model."""
-
 CORRECTED = ("none", "table", "brown")
 """Distortions that correct what is measured: the corrected coordinates are those of a central projection."""
-
-ACROSS = 0.1
-"""Length across the base of both viewing directions together, from which on one side of the base is up."""
-
-LEAST_BASE = 1e-3
-"""Share of the distance of the points: images from one place, as of a rig, are no model."""
 
 
 IMAGES_AT_ONCE = 1_000
@@ -67,7 +59,7 @@ class StereoPairs:
         r, image_of_row = self.solution.residuals, self.block.image_points.image
         images = self.images[first:last]
         start, *common = common_points(images, self.begin, self.point)
-        enough = np.diff(start) >= FEWEST
+        enough = np.diff(start) >= FEWEST_OF_MODEL
         model = np.repeat(np.arange(np.count_nonzero(enough)), np.diff(start)[enough])
         rays = np.stack(common, axis=1)[np.repeat(enough, np.diff(start))]
         point = self.point[rays[:, 0]]
@@ -130,7 +122,7 @@ def model_axes(poses: Poses, rays: ModelRays) -> Float:
     up = poses.ground_from_image[rays.left][:, :, 2] + poses.ground_from_image[rays.right][:, :, 2]
     e3 = up - (up * e1).sum(axis=1, keepdims=True) * e1
     length = np.linalg.norm(e3, axis=1, keepdims=True)
-    e3 = np.where(length > ACROSS, e3 / np.where(length > 0, length, 1.0), np.nan)
+    e3 = np.where(length > ACROSS_BASE, e3 / np.where(length > 0, length, 1.0), np.nan)
     return np.stack([e1, np.cross(e3, e1), e3], axis=2)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from aatri.adjustment.statistics.global_test import GlobalTest
 from aatri.adjustment.statistics.limits import ALARM
 from aatri.artifacts.solution import IndependentErrors
+from aatri.evaluation.limits import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
 from aatri.units import rms_alike
 
@@ -23,9 +24,6 @@ RATIOS = {
     "check": ("check", "check_theory_ratio"),
     "left_out": ("left_out", "left_out_theory_ratio"),
 }
-
-ENOUGH_CHECK_POINTS = 30
-"""ASPRS Positional Accuracy Standards, edition 2 (2023), 7.11."""
 
 
 def expected_ratios(

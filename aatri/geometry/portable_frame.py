@@ -9,10 +9,10 @@ coordinates no more than 3n - 6 are left without them. With a common scale of th
 parameters.
 
 Marks in one plane: no distance sees what leaves it, and marks off it by h see it by h over their distance alone, which
-an error of h as large makes worthless. So marks are a solid body where they lie off their plane by more than `SOLID`
-standard deviations; else 2n - 3 distances hold them within, and that they lie in a plane is an observation of its own,
-with the standard deviation of the marks across it and how far they were measured off it. Three marks are a triangle,
-two a bar.
+an error of h as large makes worthless. So marks are a solid body where they lie off their plane by more than
+`SOLID_SIGMAS` standard deviations; else 2n - 3 distances hold them within, and that they lie in a plane is an
+observation of its own, with the standard deviation of the marks across it and how far they were measured off it. Three
+marks are a triangle, two a bar.
 
 Chosen are those that are known best independently of each other: by a QR decomposition with column pivoting of (J L)',
 C_X = L L', of all distances. Source: Mikhail & Ackermann, Observations and Least Squares, 4 (propagation).
@@ -25,13 +25,7 @@ import numpy as np
 
 from aatri.arrays import Float, Int
 from aatri.errors import GeometryError
-
-FLAT = 1e-4
-"""Smallest pivot, of the largest, with which distances hold a body: in a plane none sees what leaves it."""
-
-SOLID = 10.0
-"""Standard deviations by which a mark lies off the plane of all where distances hold the body: their derivatives, and
-with these the weights across the plane, are wrong by a share of 1 / SOLID at most."""
+from aatri.geometry.limits import FLAT_BODY, SOLID_SIGMAS
 
 
 @dataclass(frozen=True)
@@ -81,9 +75,9 @@ def body_distances(xyz_m: Float, covariance_m2: Float) -> BodyDistances:
     pivot = np.abs(np.diagonal(R))
     count, plane_sigma = 3 * n - 6, float("nan")
     off, own = _across(xyz_m, covariance_m2)
-    if n < 4 or not (off**2 > SOLID**2 * own).any() or not pivot[count - 1] > FLAT * pivot[0]:
+    if n < 4 or not (off**2 > SOLID_SIGMAS**2 * own).any() or not pivot[count - 1] > FLAT_BODY * pivot[0]:
         count, plane_sigma = 2 * n - 3, float(np.sqrt((off**2 + own).mean())) if n > 3 else plane_sigma
-    if not pivot[count - 1] > FLAT * pivot[0]:
+    if not pivot[count - 1] > FLAT_BODY * pivot[0]:
         raise GeometryError(
             "the marks lie on a line, or nearly: distances do not hold what leaves it",
             remedy="give marks beside it, or their distances and a `line` of relative control",

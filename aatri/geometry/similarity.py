@@ -17,6 +17,7 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.errors import GeometryError
+from aatri.geometry.limits import COLLAPSED_SCALE
 from aatri.geometry.rotations import exp_rotation, nearest_rotation, skew
 
 UNKNOWNS = 7
@@ -24,9 +25,6 @@ UNKNOWNS = 7
 
 ITERATIONS = 50
 """At most; they end before where nothing changes."""
-
-COLLAPSED = 1e-6
-"""Scale, of that at the start, of points that fit no similarity: no start by two of them is as far off."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +208,7 @@ def from_centroids(x: Float, X: Float, start: Similarity, weight: Float | None =
         turn = np.linalg.solve(N[3:6, 3:6], (w[:, None] * np.cross(a, v)).sum(axis=0))
         grown = float((w * (a * v).sum(axis=1)).sum() / N[6, 6])
         now = updated(now, np.concatenate([np.zeros(3), turn, [grown]]))
-        if not now.scale > COLLAPSED * start.scale:
+        if not now.scale > COLLAPSED_SCALE * start.scale:
             raise GeometryError("the points fit no similarity: its scale falls to nothing", remedy="are they mirrored?")
         if max(float(np.abs(turn).max()), abs(grown)) < 1e-15:
             break

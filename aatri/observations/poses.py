@@ -18,6 +18,7 @@ from aatri.adjustment.unknowns import Ids, State, Unknowns
 from aatri.arrays import Bool, Float, Int, finite_rows
 from aatri.geometry.rotations import exp_rotation, skew
 from aatri.geometry.similarity import UNKNOWNS, motions
+from aatri.observations.limits import GOES_WITH, NO_TURN_RAD
 
 POSE = "image"
 POINT = "point"
@@ -26,12 +27,6 @@ FILM_PRIOR = f"{FILM}_prior"
 ADDITIONAL = "additional"
 CAMERA = "camera"
 """Names of the groups of unknowns."""
-
-NO_TURN_RAD = 3e-5
-"""A turn t moves nothing by more than t^2 / 2 of its distance beside the tangent: by 5e-10 of the block's extent."""
-
-GOES_WITH = 0.5
-"""Points go with a common turn of the images if their own differs from it by less than this share of it."""
 
 
 def is_additional(group: str) -> bool:

@@ -19,12 +19,11 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.geometry.collinearity import collinearity
 from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.limits import ALONG_STRIP
 from aatri.observations.poses import Poses
 
 ROLLING, VELOCITY = "rolling shutter", "velocity"
 """Groups of unknowns: readouts of cameras; velocities of images beside those of the steps, m/s."""
-ALONG = 0.7
-"""Cosine of the angle between steps that are one strip's."""
 
 
 def by_velocity(rays: ImagePointRows, poses: Poses, xyz_m: Float, row_time_s: Float) -> Float:
@@ -62,7 +61,7 @@ def flown_velocities(time_s: Float, track: Int, position_m: Float) -> Float:
             continue
         step = np.diff(position_m[rows], axis=0) / np.diff(time_s[rows])[:, None]
         length = np.linalg.norm(step, axis=1)
-        onward = (step[1:] * step[:-1]).sum(axis=1) > ALONG * length[1:] * length[:-1]
+        onward = (step[1:] * step[:-1]).sum(axis=1) > ALONG_STRIP * length[1:] * length[:-1]
         in_strip = np.append(onward, False) | np.append(False, onward)
         # a step across to the next strip counts only where an image has no other
         weight = np.where(in_strip, 1.0, 1e-9)

@@ -13,7 +13,7 @@ import numpy as np
 from aatri.artifacts.block import Block
 from aatri.artifacts.solution import Solution
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
-from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
+from aatri.evaluation.limits import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
 from aatri.report.drawing.plan import footprints, image_rows
 from aatri.report.drawing.rays import principal_distances, ray_scales

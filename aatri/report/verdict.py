@@ -20,7 +20,8 @@ from aatri.arrays import Bool
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
-from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS, outside_expected
+from aatri.evaluation.limits import ENOUGH_CHECK_POINTS
+from aatri.evaluation.verdict import outside_expected
 from aatri.ids import shown
 from aatri.report.facts import without_comparison
 from aatri.report.view.numbers import counted, number

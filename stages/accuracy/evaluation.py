@@ -15,8 +15,8 @@ from aatri.artifacts.solution import Solution
 from aatri.evaluation.accuracy import evaluate
 from aatri.evaluation.alignment import in_frame_of_check
 from aatri.evaluation.doming import check_notes
+from aatri.evaluation.limits import ENOUGH_CHECK_POINTS
 from aatri.evaluation.single_models import single_models, with_models
-from aatri.evaluation.verdict import ENOUGH_CHECK_POINTS
 from aatri.notes import tell
 from aatri.plugin import SILENT, Context, Field, Options, stage
 

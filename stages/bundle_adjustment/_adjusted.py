@@ -22,7 +22,7 @@ from aatri.adapters.cameras.image_parameters import with_row_times
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.suspects import inherited
 from aatri.adjustment.records import residuals
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
+from aatri.adjustment.statistics.limits import MAX_SIGMA0
 from aatri.arrays import Bool, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

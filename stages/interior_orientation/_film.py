@@ -14,7 +14,7 @@ from aatri.adapters.interior.film_marks import (
 )
 from aatri.adapters.interior.photo_coordinates import calibrated_interior, image_points_of
 from aatri.adapters.solution import stacked
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
+from aatri.adjustment.statistics.limits import MAX_SIGMA0
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.checks.after.film import film as film_findings

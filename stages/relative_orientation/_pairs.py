@@ -11,7 +11,7 @@ from aatri.adapters.pairs.image_pairs import named_points, pairs_of, strip_pairs
 from aatri.adapters.pairs.models import models_of, refuse_misfits, with_elements
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.solution import check_same_block
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
+from aatri.adjustment.statistics.limits import MAX_SIGMA0
 from aatri.arrays import Bool, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints

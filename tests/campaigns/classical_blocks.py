@@ -17,7 +17,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from aatri.adjustment.statistics.reliability import DELTA0
+from aatri.adjustment.statistics.limits import DELTA0
 from tests.campaigns.ackermann import BASE_M, C_MM, SCALE, SIGMA_M, Regular, adjusted, perimeter, regular, rms
 
 OPEN_M = 1e4 * SIGMA_M

@@ -10,6 +10,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
+from aatri.adapters.limits import PREDICTED_REDUNDANCY
 from aatri.adapters.observation_tables import uncontrolled_table
 from aatri.adapters.solution import stacked
 from aatri.adjusting.adjusted_observations import AdjustedObservations
@@ -44,9 +45,6 @@ MOST_CHOSEN = 3000
 """Points whose covariances with each other are kept: their matrix takes 650 MB, and as much again while it is made."""
 
 NEW_POINTS, CHECK_POINTS, LEFT_OUT = "new", "check", "left_out"
-
-PREDICTED = 1e-6
-"""Redundancy in every direction from which on the others predict a control point."""
 
 MOST_COUNTED, MOST_WITH_TESTS = 5_000, 200_000
 """Points beyond which independent errors are many and their count not worth its time, or, where observations are
@@ -272,7 +270,7 @@ def _control_left_out(result: BundleResult) -> Float | None:
     _, (J,) = whitened(records, adjusted.state, rows)
     both = observed[:, :, None] & observed[:, None, :]
     R = np.where(both, np.eye(3) - control.covariance[rows], np.eye(3))
-    predicted = np.linalg.eigvalsh(0.5 * (R + R.swapaxes(1, 2)))[:, 0] > PREDICTED
+    predicted = np.linalg.eigvalsh(0.5 * (R + R.swapaxes(1, 2)))[:, 0] > PREDICTED_REDUNDANCY
     whitener = records.whitener[rows]
     L = whitener[:, :, None] * np.eye(3) if whitener.ndim == 2 else whitener
     back = np.linalg.inv(np.where(both, L, np.eye(3)))

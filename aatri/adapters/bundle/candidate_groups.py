@@ -20,6 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adapters.limits import FEWEST_OF_UNIT
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.elimination.effects import Effects
 from aatri.adjustment.records import whitened_residuals
@@ -65,9 +66,6 @@ OF_CALIBRATION = ((CAUSES[0], {"c"}), (CAUSES[1], {"x0", "y0"}))
 AT_A_TIME = 100_000
 """Image points whose derivatives are made at once."""
 
-FEWEST = 3
-"""Observations of a unit: fewer are single ones."""
-
 
 def candidate_groups(block: BundleInput, result: BundleResult) -> Iterator[Candidates]:
     """What is to be tested of a block, kind by kind."""
@@ -96,7 +94,7 @@ def candidate_groups(block: BundleInput, result: BundleResult) -> Iterator[Candi
             yield from _with_rejected(units, images, block.rays, corner_mm, ~adjusted.used)
             yield from _of_images(block.image_ids, place, rows, image, H, v, o.records.whitener[rows])
             yield from moved_together(block.rays, block.image_ids, block.point_ids, place, rows, v)
-        elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST:
+        elif o.kind == DISTANCE and groups == [POINT, POINT] and len(rows) > FEWEST_OF_UNIT:
             a, b = (result.adjusted.state[POINT][ends[rows]] for _, ends in o.records.touches)
             yield _of_all(place, rows, np.linalg.norm(a - b, axis=1)[:, None, None], Cause("scale", (0,)))
         elif o.kind == CONTROL and groups == [POINT] and o.records.rows == 3:
@@ -173,7 +171,7 @@ def _units(
     ids, number = np.unique(names, return_inverse=True)
     number = number[image]
     count = np.bincount(number, minlength=len(ids))
-    enough = (count >= FEWEST) & (ids != "")
+    enough = (count >= FEWEST_OF_UNIT) & (ids != "")
     if not enough.any() or (per in (STRIP, LINE, "flight") and (count > 0).sum() < 2):
         return
     large, new = enough[number], np.cumsum(enough) - 1
@@ -290,7 +288,7 @@ def _corner_mm(images: ImageGroups, rays: ImagePointRows) -> Float:
 def _of_relief(result: BundleResult, place: int, adjusted: AdjustedObservations, rows: Int) -> Iterator[Candidates]:
     records = adjusted.observed.records
     rows = rows[records.observed_components()[rows, 2]]
-    if len(rows) < 2 * FEWEST:  # three heights tilt and shift the block, and some must be left to contradict
+    if len(rows) < 2 * FEWEST_OF_UNIT:  # three heights tilt and shift the block, and some must be left to contradict
         return
     state = result.adjusted.state
     height = state[POINT][records.touches[0][1][rows], 2] - records.evaluate(state, rows)[0][:, 2]

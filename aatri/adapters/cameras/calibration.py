@@ -22,6 +22,7 @@ from aatri.adapters.cameras.unknowns import (
     parts_of_set,
     units_of,
 )
+from aatri.adapters.limits import SAME_NOMINAL_MM
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -32,9 +33,6 @@ from aatri.errors import InputError
 from aatri.ids import shown
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import ADDITIONAL, CAMERA
-
-_SAME = 1e-6
-"""Nominal values and formats of two blocks are the same within this, mm."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +131,7 @@ def calibrated_units(block: Block, calibration: CalibratedPart) -> tuple[Sharing
         point = block.cameras.principal_point_mm[camera]
         here = np.array([own.principal_distance_mm, *point, *own.half_format_mm])
         there = np.array([theirs.principal_distance_mm, *calibration.principal_point_mm[k], *theirs.half_format_mm])
-        if not np.allclose(here, there, rtol=0.0, atol=_SAME):
+        if not np.allclose(here, there, rtol=0.0, atol=SAME_NOMINAL_MM):
             raise InputError(
                 f"{name} has other nominal values than in the calibration: c, x0, y0, half format "
                 f"{_numbers(here)} mm, there {_numbers(there)} mm",

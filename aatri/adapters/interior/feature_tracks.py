@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adapters.interior.image_pixels import pixel_matrices, with_image_points
+from aatri.adapters.limits import SMALLEST_PX
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.errors import InputError
@@ -14,9 +15,6 @@ from aatri.ids import several, shown
 from aatri.orientation.relative.essential import essential_orientations
 from aatri.orientation.relative.tracks import lone_joints, tracks_of
 from aatri.progress import Reporter
-
-SMALLEST_PX = 4.0
-"""Diameter up to which features are as good as small ones get."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from aatri.adapters.interior.film_marks import (
 )
 from aatri.adapters.interior.photo_coordinates import calibrated_interior
 from aatri.adapters.solution import stacked
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
+from aatri.adjustment.statistics.limits import MAX_SIGMA0
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block import Block, Cameras, FiducialPoints, MeasuredPoints, Points, Rejects
 from aatri.artifacts.builder import image_point_order

@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from aatri.adapters.limits import LARGE_AT_CORNER
 from aatri.adapters.refinement.heights import Stations, stations_of
 from aatri.adjustment.threads import by_rows
 from aatri.arrays import Bool, Float, Int, finite_rows
@@ -17,7 +18,8 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import Corrections, ImagePoints
 from aatri.artifacts.solution import Solution
 from aatri.camera.corrections.atmosphere import Atmosphere, constant_of
-from aatri.camera.corrections.vertical_planes import FLATTEST_RAD, earth_curvature_correction, refraction_correction
+from aatri.camera.corrections.vertical_planes import earth_curvature_correction, refraction_correction
+from aatri.camera.limits import FLATTEST_RAD
 from aatri.camera.models.distortion import Distortion, corner_points, corrected
 from aatri.camera.pixels import half_format_mm
 from aatri.errors import AatriError, SpecError
@@ -27,9 +29,6 @@ from aatri.notes import Level, Note
 
 NOT_OF_THE_LENS = ("principal_distance", "principal_point", "symmetry_point", "lever_arm", "boresight")
 """Camera parameters that are not of the distortion model; their components follow a dot."""
-
-LARGE_AT_CORNER = 0.05
-"""A distortion above this share of the corner's distance may have been meant the other way round."""
 
 
 def lens_correction(block: Block, image: Int, xy_mm: Float) -> tuple[Float, tuple[Note, ...]]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adapters.limits import MOST_TILT_RAD
 from aatri.arrays import Bool, Float, finite_rows
 from aatri.artifacts.block import CONTROL, Block
 from aatri.artifacts.image_points import ImagePoints
@@ -14,9 +15,6 @@ from aatri.ids import several
 from aatri.notes import Note
 from aatri.orientation.refinement.flying_height import heights_by_bases_m, station_heights_m
 from aatri.units import EARTH_RADIUS_M
-
-MOST_TILT_RAD = np.deg2rad(5.0)
-"""Up to this tilt the closed forms for vertical images serve."""
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from aatri.observations.poses import POINT, POSE, Poses
 from aatri.observations.positions import PositionOptions, positions, positions_of
 from aatri.observations.ties import MODEL_TIE, PERSPECTIVE_CENTRE
 from aatri.orientation.bodies.datum_analysis import analyse_datum
+from aatri.orientation.bodies.limits import FEWEST_COMMON_OF_MODELS, HARDLY_DETERMINED
 from aatri.orientation.bodies.model_ties import (
     LATENT,
     ModelPoses,
@@ -36,12 +37,6 @@ from aatri.orientation.bodies.model_ties import (
 )
 from aatri.orientation.bodies.similarity_ties import Similarities
 from aatri.orientation.strips.model_errors import point_errors, root_of
-
-FEWEST = 3
-"""Points, perspective centres among them, that a body of seven parameters must share."""
-
-WEAKEST = 1e-4
-"""A motion in which errors of what is given are magnified a hundred times counts as open; see `datum_analysis`."""
 
 
 @dataclass(frozen=True)
@@ -129,17 +124,21 @@ def bodies_of(
         model, body = bodies.shared(block)  # perspective centres count as shared, too
         on_ground = np.isin(body, np.concatenate([objects for _, objects in bodies.of_ground(block)]))
         shared = on_ground | (np.bincount(body)[body] > 1)
-        loose = np.asarray(np.bincount(model[shared], minlength=len(bodies.model)) < FEWEST)
+        loose = np.asarray(np.bincount(model[shared], minlength=len(bodies.model)) < FEWEST_COMMON_OF_MODELS)
         if not loose.any():
             break
         chosen = chosen[~loose]
         if not len(chosen):
             raise GeometryError(
-                f"no model shares {FEWEST} points with another", remedy="measure common points of neighbouring models"
+                f"no model shares {FEWEST_COMMON_OF_MODELS} points with another",
+                remedy="measure common points of neighbouring models",
             )
     left = np.setdiff1d(np.arange(len(units)), chosen)
     if len(left):
-        text = f"models that share fewer than {FEWEST} points with others, perspective centres counted, are left out"
+        text = (
+            f"models that share fewer than {FEWEST_COMMON_OF_MODELS} points with others, perspective centres counted, "
+            "are left out"
+        )
         notes.append(Note("warning", text, tuple(names[left].tolist())))
     label, n = _components(bodies, block)
     reasons = [_open(bodies, block, np.flatnonzero(label == k)) for k in range(n)]
@@ -255,5 +254,7 @@ def _open(bodies: ModelsAsBodies, block: Block, models: Int) -> str:
     if not any(map(len, observed)):
         return f"{of_models}: they hold no control point and no observed position"
     poses = Poses(place[len(block.points) :], bodies.poses.ground_from_image)
-    datum = analyse_datum(observed, {POINT: place[: len(block.points)], POSE: poses}, xyz[first], weakest=WEAKEST)
+    datum = analyse_datum(
+        observed, {POINT: place[: len(block.points)], POSE: poses}, xyz[first], weakest=HARDLY_DETERMINED
+    )
     return f"{of_models}: not determined: {', '.join(datum.open)}" if datum.open else ""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adapters.limits import BEYOND_ALL_CONTROL, BEYOND_CONTROL
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
@@ -23,13 +24,6 @@ from aatri.orientation.bodies.similarity_ties import in_axes
 from aatri.orientation.bodies.strip_polynomials import StripPolynomials, textbook_counts
 
 AXES = ("origin_X_m", "origin_Y_m", "origin_Z_m", "half_range_U_m", "half_range_V_m", "azimuth_of_U_rad")
-
-BEYOND = 2**0.5 - 1
-"""Share of the half range of a strip by which points may lie beyond its control and ties: there a polynomial of the
-second degree, 2 u^2 - 1 in the worst case, has three times the error that it has within."""
-
-BEYOND_ALL = 0.5
-"""Of the same, beyond all control of the block."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +109,7 @@ def strip_notes(
         controlled = ((at_control - axes.origin_m) @ axes.ground_from_axes)[:, :2] / axes.half_range_m
         off = _beyond(local[of_strip], local[of_strip[controlled_points[of_strip]]] if bends else local[:0])
         far = _beyond(local[of_strip], controlled if bends else local[:0])
-        own, of_block = off > BEYOND, far > BEYOND_ALL
+        own, of_block = off > BEYOND_CONTROL, far > BEYOND_ALL_CONTROL
         for rows, by, what in ((own, off, "its control and ties"), (of_block & ~own, far, "all control of the block")):
             if rows.any():
                 text = (

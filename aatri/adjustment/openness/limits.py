@@ -34,3 +34,27 @@ met."""
 
 UNLIKELY = 1e-4
 """Share of its mean below which the square of a random direction along another comes once in 1e15 times."""
+
+# --- motions
+
+INDEPENDENT = 1e-3
+"""Singular values above this make a direction of its own."""
+
+SMALL_PART = 1e-6
+"""Size, of the largest, below which an unknown takes no part in a direction."""
+
+WHOLE_SHARE = 0.999
+"""Share of what could move from which on the whole does."""
+
+NAMED_PART = 0.02
+"""Share below which a generator is not named."""
+
+# --- nearly open
+
+SAME_DIRECTION = 0.5
+"""Cosine from which on two directions are one."""
+
+# --- set aside
+
+MOST_PARTS = 20
+"""So many loose parts are set aside at most, one after the other."""

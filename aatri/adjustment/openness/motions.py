@@ -15,23 +15,11 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from aatri.adjustment.openness.limits import MOTION_IF_OPEN, NAMED
+from aatri.adjustment.openness.limits import INDEPENDENT, MOTION_IF_OPEN, NAMED, NAMED_PART, SMALL_PART, WHOLE_SHARE
 from aatri.adjustment.openness.open_directions import Move, OpenCombination
 from aatri.adjustment.structure.indexed_problem import IndexedProblem
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
-
-INDEPENDENT = 1e-3
-"""Singular values above this make a direction of its own."""
-
-SMALL = 1e-6
-"""Size, of the largest, below which an unknown takes no part in a direction."""
-
-WHOLE = 0.999
-"""Share of what could move from which on the whole does."""
-
-PART = 0.02
-"""Share below which a generator is not named."""
 
 NAMES = ("scale", "rotation about X", "rotation about Y", "rotation about Z", "shift X", "shift Y", "shift Z")
 
@@ -114,7 +102,7 @@ def _parts(problem: IndexedProblem, normals: Float | None) -> list[Bool]:
 
 def _taking_part(vectors: Float) -> Bool:
     size = np.linalg.norm(vectors, axis=1)
-    return np.asarray(size > SMALL * size.max(initial=0.0))
+    return np.asarray(size > SMALL_PART * size.max(initial=0.0))
 
 
 def _of_rays(problem: IndexedProblem) -> Bool:
@@ -187,7 +175,7 @@ def echelon(rows: Float) -> Float:
         if lead == len(reduced):
             break
         best = lead + int(np.argmax(np.abs(reduced[lead:, column])))
-        if abs(reduced[best, column]) < PART * np.abs(reduced).max():
+        if abs(reduced[best, column]) < NAMED_PART * np.abs(reduced).max():
             continue
         reduced[[lead, best]] = reduced[[best, lead]]
         reduced[lead] /= reduced[lead, column]
@@ -222,13 +210,13 @@ def named(row: Float, extent: Float) -> Motion:
     """
     size = np.abs(row * extent) / np.linalg.norm(row * extent)
     axis = row[1:4] / max(float(np.linalg.norm(row[1:4])), 1e-300)
-    words: dict[str, Move] = {"scale": "scale"} if size[0] > PART else {}
-    if (size[1:4] > PART).any():
+    words: dict[str, Move] = {"scale": "scale"} if size[0] > NAMED_PART else {}
+    if (size[1:4] > NAMED_PART).any():
         along = int(np.argmax(np.abs(axis)))
         main = abs(axis[along]) > 1.0 - 1e-4
         about = NAMES[1 + along] if main else "rotation about the axis ({:.2f}, {:.2f}, {:.2f})".format(*axis)
         words[about] = "azimuth" if main and along == 2 else "tilt"
-    words = words or {NAMES[4 + k]: "shift" for k in np.flatnonzero(size[4:] > PART)}
+    words = words or {NAMES[4 + k]: "shift" for k in np.flatnonzero(size[4:] > NAMED_PART)}
     return Motion(" with ".join(words), frozenset(words.values()))
 
 
@@ -236,7 +224,7 @@ def _whole_or_part(problem: IndexedProblem, vectors: Float, moves: Float) -> str
     """`WHOLE_BLOCK` if the vectors are open for nearly all that the motion moves, else the names of the part."""
     part = _taking_part(vectors)
     energy = (moves**2).sum(axis=1)
-    if energy[part].sum() > WHOLE * energy.sum():
+    if energy[part].sum() > WHOLE_SHARE * energy.sum():
         return WHOLE_BLOCK
     subjects: list[str] = []
     for u in problem.unknowns:

@@ -24,7 +24,16 @@ import numpy as np
 
 from aatri.adjustment.elimination.backsolve import solve_columns
 from aatri.adjustment.elimination.factor import Factored
-from aatri.adjustment.openness.limits import ALONE, MOST_NAMED, MOTION_IF_NEARLY, MOTION_IF_WEAK, OPEN, UNLIKELY, WARNED
+from aatri.adjustment.openness.limits import (
+    ALONE,
+    MOST_NAMED,
+    MOTION_IF_NEARLY,
+    MOTION_IF_WEAK,
+    OPEN,
+    SAME_DIRECTION,
+    UNLIKELY,
+    WARNED,
+)
 from aatri.adjustment.openness.motions import open_motions
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenDirections, described
 from aatri.adjustment.openness.unseen_motions import fit_of_datum
@@ -40,9 +49,6 @@ COLUMNS = 8
 
 STEPS = 2
 """Multiplications by the covariance: the first brings out what is open by orders of magnitude."""
-
-SAME = 0.5
-"""Cosine from which on two directions are one."""
 
 
 def nearly_open(problem: IndexedProblem, factored: Factored, state: State, datum_scale: float = 1.0) -> OpenDirections:
@@ -112,7 +118,7 @@ def _directions(problem: IndexedProblem, factored: Factored, datum_scale: float)
         V, far = V[:, far > WARNED], far[far > WARNED]
         V = D[:, None] * solve_columns(problem, factored, V / limit[:, None])
         V /= np.linalg.norm(V, axis=0)
-        others = (np.abs(V.T @ U) < SAME).all(axis=0) if V.shape[1] else np.ones(U.shape[1], dtype=bool)
+        others = (np.abs(V.T @ U) < SAME_DIRECTION).all(axis=0) if V.shape[1] else np.ones(U.shape[1], dtype=bool)
         U, excess = np.concatenate([V, U[:, others]], axis=1), np.concatenate([far, excess[others]])
     return U, excess
 

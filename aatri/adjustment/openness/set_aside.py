@@ -6,7 +6,7 @@ import numpy as np
 
 from aatri.adjustment.constraints.multipliers import factorise_constrained
 from aatri.adjustment.elimination.factor import LOST, Factored
-from aatri.adjustment.openness.limits import MOST_NAMED, MOVES
+from aatri.adjustment.openness.limits import MOST_NAMED, MOST_PARTS, MOVES
 from aatri.adjustment.openness.nearly_open import loosely_held, nearly_open
 from aatri.adjustment.openness.null_vectors import vanishing
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenDirections, OpenError, described
@@ -22,9 +22,6 @@ from aatri.notes import Note
 
 Blocks = dict[str, Bool]
 """Some blocks by group, (n,) each."""
-
-MOST_PARTS = 20
-"""So many loose parts are set aside at most, one after the other."""
 
 
 def without_open_parts(

@@ -23,17 +23,11 @@ from itertools import combinations
 
 import numpy as np
 
-from aatri.adjustment.statistics.limits import SEPARABLE
+from aatri.adjustment.statistics.limits import CONTROLLED_COMPONENT, MOST_FOR_PAIRS, SEPARABLE
 from aatri.arrays import Bool, Float, Int
-
-CONTROLLED = 1e-3
-"""Components with a smaller redundancy number are not tested."""
 
 Choice = tuple[tuple[int, ...], Bool]
 """Records to leave out, and the blocks where they may be, (n,)."""
-
-MOST_FOR_PAIRS = 14
-"""Records of a block up to which pairs of wrong ones are tried."""
 
 
 @dataclass(frozen=True)
@@ -165,6 +159,6 @@ def _agreement(records: BlockRecords, kept: Bool) -> tuple[Float, Float, Float]:
     x = -np.einsum("nij,nkmj,nkm->ni", inverse, B, v)
     e = v + np.einsum("nkmi,ni->nkm", B, x)
     r = 1.0 - np.einsum("nkmi,nij,nkmj->nkm", B, inverse, B)
-    tested = kept[:, :, None] & (r > CONTROLLED)
+    tested = kept[:, :, None] & (r > CONTROLLED_COMPONENT)
     w = np.where(tested, np.abs(e) / np.sqrt(np.where(tested, r, 1.0)), 0.0) / records.limit[:, :, None]
     return np.einsum("nkm,nkm->n", e, e), w.max(axis=(1, 2), initial=0.0), x

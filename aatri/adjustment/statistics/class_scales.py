@@ -9,9 +9,9 @@ from s = median |w_i| / 0.6745 on. Residuals beyond k s count for nothing, so th
 right for normal ones. Where s = 1 is right, s^2 f is distributed nearly as chi-square with f = EFFICIENCY sum r_i
 degrees of freedom: s is as sharp as all residuals of so much less redundancy.
 
-A scale counts as different from 1, or from another, where chance does not explain it (`ALARM`, for all classes of
-a block together) and where it matters. With a redundancy below `ESTIMABLE` a class keeps its standard deviations,
-unless the residuals of its kind tell by their cofactors together that they are wrong:
+A scale counts as different from 1, or from another, where chance does not explain it (`ALARM`, for all classes of a
+block together) and where it matters. With a redundancy below `ESTIMABLE_REDUNDANCY` a class keeps its standard
+deviations, unless the residuals of its kind tell by their cofactors together that they are wrong:
 
 A small class is thirteen control points, say. Where its standard deviations are a fifth of the true ones the others
 give way, the redundancy of the class is next to nothing, and the size of its residuals says little: their
@@ -35,9 +35,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, ndtr
 
-from aatri.adjustment.statistics.limits import ALARM, MEDIAN_OF_NORMAL, SEPARABLE
-from aatri.adjustment.statistics.rejection import SMALL_ROOM
-from aatri.adjustment.statistics.variance_components import ESTIMABLE, LEAST_SHARE
+from aatri.adjustment.statistics.limits import (
+    ALARM,
+    ESTIMABLE_REDUNDANCY,
+    LIMIT_OF_SCALES,
+    MATTERS,
+    MEDIAN_OF_NORMAL,
+    SEPARABLE,
+    SILENT_REDUNDANCY,
+    SMALL_ROOM,
+    UNTESTED_REDUNDANCY,
+)
 from aatri.arrays import Bool, Float, Int
 
 K = 2.5
@@ -46,17 +54,9 @@ K = 2.5
 EFFICIENCY = 0.666
 """Of the M-estimate for K with normal residuals: var(ln s) = 1 / (2 EFFICIENCY r)."""
 
-MATTERS = 1.25
-"""Tests with standard deviations wrong by less than this are as good as right; also the bound of a warned sigma0."""
-
 _INSIDE = 2.0 * float(ndtr(K)) - 1.0
 _CONSISTENT = 1.0 - 2.0 * K * float(np.exp(-0.5 * K**2) / np.sqrt(2.0 * np.pi)) / _INSIDE
 _ITERATIONS = 20
-
-LIMIT = float(chdtri(1.0, 2.0 * ALARM))
-
-UNTESTED = 0.5
-"""Redundancy up to which nothing tests the others without one record: any of three control points may be wrong."""
 
 _SCALES = np.concatenate([[1.0], np.exp(np.linspace(np.log(0.01), np.log(5000.0), 503))])
 """The first is 1. The least is below `NO_ERRORS` of a search, which takes such a class for one without errors."""
@@ -105,15 +105,15 @@ def class_scales(v: Float, redundancy: Float, group: Int, n_groups: int) -> Clas
     group : (n,) int
         -1: none.
     """
-    usable = (group >= 0) & np.isfinite(v) & (redundancy > LEAST_SHARE)
+    usable = (group >= 0) & np.isfinite(v) & (redundancy > SILENT_REDUNDANCY)
     scale, total = np.ones(n_groups), np.zeros(n_groups)
     for g in range(n_groups):
         rows = usable & (group == g) if n_groups > 1 else usable
         of_group = redundancy[rows]
         total[g] = of_group.sum()
-        if total[g] >= ESTIMABLE:
+        if total[g] >= ESTIMABLE_REDUNDANCY:
             scale[g] = robust_scale(v[rows], of_group)
-    estimable = (scale > 0) & (total >= ESTIMABLE)
+    estimable = (scale > 0) & (total >= ESTIMABLE_REDUNDANCY)
     return ClassScales(np.where(scale > 0, scale, 1.0), total, estimable)
 
 
@@ -171,7 +171,7 @@ def small_class_scale(v: Float, R: Float, record: Int, gain_of_others: float = 0
     best = int(cost.argmin())
     gain = float(cost[0] - cost[best])
     scale = float(_SCALES[best])
-    if gain <= LIMIT or (
+    if gain <= LIMIT_OF_SCALES or (
         scale > 1.0 and gain <= max(gain_of_others - SEPARABLE, _gain_of_gross_errors(v, R, record, scale))
     ):
         return 1.0, float(size.sum())
@@ -190,7 +190,7 @@ def may_differ(v: Float, redundancy: Float, record: Int, gain_of_others: float) 
     """
     share = max(float((v**2).sum() / redundancy.sum()), 1e-12) if redundancy.any() else 1.0
     most = redundancy.sum() * (share - 1.0 - np.log(share))  # all of it in so many directions as there is redundancy
-    too_large = share < 1.0 and most > LIMIT
+    too_large = share < 1.0 and most > LIMIT_OF_SCALES
     return bool(too_large or small_class_scale(v, np.diag(redundancy), record, gain_of_others)[0] != 1.0)
 
 
@@ -220,7 +220,10 @@ def _gain_of_gross_errors(v: Float, R: Float, record: Int, scale: float) -> floa
         candidates = [other for other in candidates if record[other[0]] != record[rows[0]]]
         total += gain
         most = max(most, total)
-        if count == 0 and _redundancy(_without(R, np.flatnonzero(record == record[rows[0]]))[1], scale) < UNTESTED:
+        if (
+            count == 0
+            and _redundancy(_without(R, np.flatnonzero(record == record[rows[0]]))[1], scale) < UNTESTED_REDUNDANCY
+        ):
             return np.inf
         by, R = _without(R, rows)
         v = v - by @ v[rows]

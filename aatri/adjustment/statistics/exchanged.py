@@ -15,13 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aatri.adjustment.statistics.limits import MOST_FOR_EXCHANGE, SHARE_AT_START, SHARE_REJECTED
 from aatri.arrays import Float
-
-SHARE_REJECTED, SHARE_AT_START = 0.05, 0.2
-"""Two points are exchanged if that leaves this share of their distances: rejected ones, at the start."""
-
-MOST_TRIED = 40
-"""Where more points than these are off, it is no matter of two numbers."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +68,7 @@ def exchanged_at_start(found_m: Float, given_m: Float) -> list[Exchanged]:
         return []
     usual = float(np.quantile(off[judged], 0.25, method="lower"))
     far = judged[off[judged] > usual / SHARE_AT_START]
-    if len(far) > MOST_TRIED:
+    if len(far) > MOST_FOR_EXCHANGE:
         return []
     return exchanged_pairs(found_m, given_m, far.tolist(), SHARE_AT_START)
 

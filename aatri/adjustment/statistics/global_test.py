@@ -20,16 +20,10 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.adjustment.statistics.limits import ALARM, SHOWN
+from aatri.adjustment.statistics.limits import ALARM, FAR_BEYOND, MAX_SIGMA0, SHOWN, WARNED_BEYOND
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError
 from aatri.notes import Note
-
-MAX_SIGMA0 = 20.0
-"""Beyond this an adjustment has not described its observations, whatever its iteration says."""
-
-WARNED_BEYOND = (0.8, 1.25)
-FAR_BEYOND = (0.5, 2.0)
 
 Verdict = Literal["untested", "fits", "outside", "warned", "far"]
 

@@ -13,15 +13,8 @@ Source: Baarda 1968; Foerstner 1983, Reliability and discernability of extended 
 
 import numpy as np
 
-from aatri.adjustment.statistics.limits import SEPARABLE
+from aatri.adjustment.statistics.limits import AS_GOOD_GAIN, CONTROLLED_DIRECTION, SEPARABLE
 from aatri.arrays import Bool, Float
-
-CONTROLLED = 1e-9
-"""Directions of a record with a smaller redundancy are explained by nothing."""
-
-
-AS_GOOD = 0.02
-"""Share of a gain by which another may fall short of it and still explain the same: the model is linear so far only."""
 
 
 def gains_of_leaving_out(v: Float, H: Float) -> Float:
@@ -44,7 +37,7 @@ def gains_of_leaving_out(v: Float, H: Float) -> Float:
     """
     values, vectors = np.linalg.eigh(np.eye(v.shape[1]) - H)
     along = np.einsum("nji,nj->ni", vectors, v)
-    controlled = values > CONTROLLED
+    controlled = values > CONTROLLED_DIRECTION
     return np.asarray(np.where(controlled, along**2 / np.where(controlled, values, 1.0), 0.0).sum(axis=1))
 
 
@@ -58,4 +51,4 @@ def as_good(gain: Float) -> Bool:
     """
     finite_gain = np.where(np.isfinite(gain), gain, -np.inf)
     most = float(finite_gain.max(initial=0.0))
-    return np.asarray(finite_gain >= most - max(SEPARABLE, AS_GOOD * most))
+    return np.asarray(finite_gain >= most - max(SEPARABLE, AS_GOOD_GAIN * most))

@@ -10,7 +10,7 @@ known so well that less could be told from chance. Whoever states a limit gets t
 Source: Baarda 1968 (single tests); Miller 1981, Simultaneous Statistical Inference (many).
 """
 
-from scipy.special import ndtr, ndtri
+from scipy.special import chdtri, ndtr, ndtri
 
 FALSE_ALARM = 0.01
 """Chance that anything is rejected of a block in which nothing is wrong."""
@@ -55,6 +55,100 @@ OFF_SIGMAS = 5.0
 
 WRONG_SIGMAS = 6.0
 """What is so far off is wrong: single values once in 5e8, rotations (three components) once in 13 million by chance."""
+
+# --- global test
+
+MAX_SIGMA0 = 20.0
+"""Beyond this an adjustment has not described its observations, whatever its iteration says."""
+
+WARNED_BEYOND = (0.8, 1.25)
+"""sigma0 outside of these is a warning, where chance does not explain it: standard deviations are seldom known
+better."""
+
+FAR_BEYOND = (0.5, 2.0)
+"""Outside of these the standard deviations of a result say nothing."""
+
+# --- class scales
+
+MATTERS = WARNED_BEYOND[1]
+"""Tests with standard deviations wrong by less than this are as good as right."""
+
+LIMIT_OF_SCALES = float(chdtri(1.0, 2.0 * ALARM))
+"""Of a scale's likelihood ratio, one-sided."""
+
+UNTESTED_REDUNDANCY = 0.5
+"""Redundancy up to which nothing tests the others without one record: any of three control points may be wrong."""
+
+# --- attribution
+
+CONTROLLED_COMPONENT = 1e-3
+"""Components with a smaller redundancy number are not tested."""
+
+MOST_FOR_PAIRS = 14
+"""Records of a block up to which pairs of wrong ones are tried."""
+
+# --- leave one out
+
+CONTROLLED_DIRECTION = 1e-9
+"""Directions of a record with a smaller redundancy are explained by nothing."""
+
+AS_GOOD_GAIN = 0.02
+"""Share of a gain by which another may fall short of it and still explain the same: the model is linear so far only."""
+
+# --- exchanged
+
+SHARE_REJECTED, SHARE_AT_START = 0.05, 0.2
+"""Two points are exchanged if that leaves this share of their distances: rejected ones, at the start."""
+
+MOST_FOR_EXCHANGE = 40
+"""Where more points than these are off, it is no matter of two numbers."""
+
+# --- long tails
+
+LEAST_FREEDOM = 4.0
+"""Degrees of freedom of the longest tail that is fitted."""
+
+BEYOND_TAIL = 5e-5
+"""Share of good components beyond the limit, where nu is known: of observations of two at most a tenth of the one in a
+thousand that may be lost, for in small blocks nu is known badly (campaign `false_alarms`)."""
+
+TAIL_REACH = 1.25
+"""Limits up to which residuals tell of the tail: gross errors that lie so near do no harm."""
+
+FEWEST_FOR_TAIL = 200
+"""Residuals below which a single one decides on the tail that it is tested with."""
+
+MOST_GROSS = 0.5
+"""Share of gross errors among the residuals up to `TAIL_REACH`, at most."""
+
+# --- rejection
+
+TESTED_REDUNDANCY = 0.01
+"""Redundancy of a kind below which nothing tests it."""
+
+SMALL_ROOM = 3
+"""So many of the smallest kind may be wrong, if its redundancy allows it."""
+
+# --- reliability
+
+DELTA0 = 4.13
+"""Non-centrality of a test at the level 0.1 % with power 80 %."""
+
+# --- significance
+
+INSEPARABLE = 0.999
+"""Two parameters correlated like this cannot be told apart."""
+
+UNDETERMINED_SHARE = 0.1
+"""Below this data share a value is that of its prior."""
+
+# --- variance components
+
+SILENT_REDUNDANCY = 0.02
+"""Records with a smaller mean redundancy number say nothing of their own variance."""
+
+ESTIMABLE_REDUNDANCY = 10.0
+"""Least redundancy of a group whose standard deviation is estimated."""
 
 
 def limit_of_tests(tests: int, false_alarm: float = FALSE_ALARM) -> float:

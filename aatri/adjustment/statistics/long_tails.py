@@ -2,18 +2,18 @@
 
 Good measurements have errors with longer tails than normal ones, nearly as Student's distribution of nu degrees of
 freedom; images of unlike quality, taken together, as well. Then a |w| of 6 is chance once in some thousand. The tail is
-read from the middle: of the |w| below `REACH` limits the scale s and nu maximise the likelihood of the counts n_b in
-classes of size between e_b and e_b+1, given that they lie there,
+read from the middle: of the |w| below `TAIL_REACH` limits the scale s and nu maximise the likelihood of the counts n_b
+in classes of size between e_b and e_b+1, given that they lie there,
 
     ln L = sum n_b ln((1 - g) (F(e_b+1) - F(e_b)) / F(e_B) + g / B),      F(e) = P(|s t_nu| <= e)
 
 Gross errors are beyond, and have no say but for their share g among the B classes: from e_B to 2 e_B there are more
-than the tail explains, and as many below e_B, as gross errors are about as dense there. So a tenth of errors that
-are eight times as large as the others is told from a tail, whose errors thin out. Of few residuals many nu are nearly
-as likely: taken is the least that they allow, at the level 5 % (one-sided, ln L less than 1.35 below the largest), for
+than the tail explains, and as many below e_B, as gross errors are about as dense there. So a tenth of errors that are
+eight times as large as the others is told from a tail, whose errors thin out. Of few residuals many nu are nearly as
+likely: taken is the least that they allow, at the level 5 % (one-sided, ln L less than 1.35 below the largest), for
 what such a tail explains is no gross error. nu is not below `LEAST_FREEDOM`: longer tails are gross errors. The limit
-is the value that `BEYOND` of such errors exceed, where that is larger than the limit of normal ones: of 3,000 normal
-residuals it stays, of 500 it is 5.
+is the value that `BEYOND_TAIL` of such errors exceed, where that is larger than the limit of normal ones: of 3,000
+normal residuals it stays, of 500 it is 5.
 
 Source: Wilks 1938 (likelihood intervals); Jeffreys 1961, Theory of Probability, 5.7 (series of observations have nu of
 4 to 9); Lange, Little and Taylor 1989, Robust statistical modeling using the t distribution.
@@ -24,23 +24,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, ndtr, stdtr, stdtrit
 
-from aatri.adjustment.statistics.limits import MEDIAN_OF_NORMAL
+from aatri.adjustment.statistics.limits import (
+    BEYOND_TAIL,
+    FEWEST_FOR_TAIL,
+    LEAST_FREEDOM,
+    MEDIAN_OF_NORMAL,
+    MOST_GROSS,
+    TAIL_REACH,
+)
 from aatri.arrays import Float
-
-LEAST_FREEDOM = 4.0
-
-BEYOND = 5e-5
-"""Share of good components beyond the limit, where nu is known: of observations of two at most a tenth of the one in a
-thousand that may be lost, for in small blocks nu is known badly (campaign `false_alarms`)."""
-
-REACH = 1.25
-"""Limits up to which residuals tell of the tail: gross errors that lie so near do no harm."""
-
-FEWEST = 200
-"""Residuals below which a single one decides on the tail that it is tested with."""
-
-MOST_GROSS = 0.5
-"""Share of gross errors among the residuals up to `REACH`, at most."""
 
 ALLOWED = 0.5 * float(chdtri(1.0, 0.10))
 """Fall of ln L from its largest value to the end of a one-sided interval of 95 %."""
@@ -80,10 +72,10 @@ def tail_of(w: Float, limit: float) -> Tail:
     True
     """
     normal = Tail(np.inf, limit)
-    middle = float(np.median(w)) / MEDIAN_OF_NORMAL if len(w) >= FEWEST else 0.0
+    middle = float(np.median(w)) / MEDIAN_OF_NORMAL if len(w) >= FEWEST_FOR_TAIL else 0.0
     if middle <= 0:
         return normal
-    edges = np.linspace(0.0, REACH * limit, _CLASSES + 1)
+    edges = np.linspace(0.0, TAIL_REACH * limit, _CLASSES + 1)
     count, beyond_reach = np.histogram(w, edges)[0], float(((w > edges[-1]) & (w <= 2 * edges[-1])).sum())
     e = np.append(edges, 2 * edges[-1]) / (middle * _SCALES[:, None])
     by_normal = _log_likelihood(count, beyond_reach, len(w), ndtr(e)).max()
@@ -93,7 +85,7 @@ def tail_of(w: Float, limit: float) -> Tail:
         return normal
     nu = int(likely[-1])
     scale = int(by_student[nu].argmax())
-    beyond = -middle * _SCALES[scale] * float(stdtrit(_FREEDOM[nu], 0.5 * BEYOND))
+    beyond = -middle * _SCALES[scale] * float(stdtrit(_FREEDOM[nu], 0.5 * BEYOND_TAIL))
     return Tail(float(_FREEDOM[nu]), beyond) if beyond > limit else normal
 
 

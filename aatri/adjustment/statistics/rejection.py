@@ -26,13 +26,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.adjustment.records import Records
+from aatri.adjustment.statistics.limits import SMALL_ROOM, TESTED_REDUNDANCY
 from aatri.arrays import Bool, Float, Int
-
-TESTED = 0.01
-"""Redundancy of a kind below which nothing tests it."""
-
-SMALL_ROOM = 3
-"""So many of the smallest kind may be wrong, if its redundancy allows it."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +175,7 @@ def room_of(redundancy: Float, count: Int, max_share: float | None = None) -> In
     -------
     (g,) int
     """
-    half, upper = np.floor(0.5 * redundancy), np.maximum(np.floor(redundancy + 1e-9), redundancy > TESTED)
+    half, upper = np.floor(0.5 * redundancy), np.maximum(np.floor(redundancy + 1e-9), redundancy > TESTED_REDUNDANCY)
     room = np.minimum(np.maximum(half, SMALL_ROOM), upper).astype(np.int64)
     return room if max_share is None else np.ceil(max_share * count).astype(np.int64)
 

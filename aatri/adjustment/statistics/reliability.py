@@ -34,10 +34,8 @@ import numpy as np
 from scipy.special import ndtr, stdtrit
 
 from aatri.adjustment.kernels.snooping import UNCONTROLLED as UNCONTROLLED
+from aatri.adjustment.statistics.limits import DELTA0
 from aatri.arrays import Float
-
-DELTA0 = 4.13
-"""Non-centrality of a test at the level 0.1 % with power 80 %."""
 
 
 def tau_limit(limit: float, redundancy: int) -> float:

@@ -16,13 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aatri.adjustment.statistics.significance import (
-    INSEPARABLE,
-    UNDETERMINED_SHARE,
-    Estimates,
-    correlated_pairs,
-    parameter_tests,
-)
+from aatri.adjustment.statistics.limits import INSEPARABLE, UNDETERMINED_SHARE
+from aatri.adjustment.statistics.significance import Estimates, correlated_pairs, parameter_tests
 
 CELLS = 4000
 """Of the interval over which a likelihood is summed: of 10,000 parameters it is some 50 cells wide."""

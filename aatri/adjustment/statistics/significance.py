@@ -21,13 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtrc, fdtrc, ndtr, stdtr  # scipy.stats takes a second to import
 
+from aatri.adjustment.statistics.limits import UNDETERMINED_SHARE
 from aatri.arrays import Bool, Float
-
-INSEPARABLE = 0.999
-"""Two parameters correlated like this cannot be told apart."""
-
-UNDETERMINED_SHARE = 0.1
-"""Below this data share a value is that of its prior."""
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,11 @@ With C_o = 0, whitened residuals and their squares, tau is the factor on the sta
 
     tau^2 = v'P v / r,     r = sum of its redundancy numbers,
 
-known with a relative standard deviation of sqrt(2 / r): its square lies between tau^2 r / chi2(r; 0.975) and
-tau^2 r / chi2(r; 0.025).
-Repeated with the new weights until all factors are 1 it is Foerstner's form of Helmert's estimate: the same solution as
-by Helmert's matrix, or by maximum likelihood of the residuals (REML), reached in more and cheaper steps. A group with a
-redundancy below `ESTIMABLE` keeps its standard deviation: 95 % of such estimates lie anywhere between 0.57 and 1.43 and
-worse.
+known with a relative standard deviation of sqrt(2 / r): its square lies between tau^2 r / chi2(r; 0.975) and tau^2 r /
+chi2(r; 0.025). Repeated with the new weights until all factors are 1 it is Foerstner's form of Helmert's estimate: the
+same solution as by Helmert's matrix, or by maximum likelihood of the residuals (REML), reached in more and cheaper
+steps. A group with a redundancy below `ESTIMABLE_REDUNDANCY` keeps its standard deviation: 95 % of such estimates lie
+anywhere between 0.57 and 1.43 and worse.
 
 Source: Helmert 1907; Foerstner 1979 (variance components by redundancy); Paule & Mandel 1982 (added variance).
 """
@@ -28,14 +27,9 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtri, gammaincinv
 
+from aatri.adjustment.statistics.limits import ESTIMABLE_REDUNDANCY, SILENT_REDUNDANCY
 from aatri.adjustment.threads import in_threads
 from aatri.arrays import Bool, Float, Int
-
-LEAST_SHARE = 0.02
-"""Records with a smaller mean redundancy number say nothing of their own variance."""
-
-ESTIMABLE = 10.0
-"""Least redundancy of a group whose standard deviation is estimated."""
 
 CHUNK = 1 << 15
 """Records at a time, whose terms stay in the cache."""
@@ -66,7 +60,7 @@ def common_sigma(squares: Float, known_variance: Float, share: Float, *, robust:
     if not known_variance.any() and not robust:
         total = m * float(share[usable].sum())
         return float(np.sqrt(max(float(squares[usable].sum()), 0.0) / total)) if total > 0 else 0.0
-    usable &= share > LEAST_SHARE
+    usable &= share > SILENT_REDUNDANCY
     q, values = (np.stack([column[usable] for column in of_rows.T]) for of_rows in (squares, known_variance))
     share = share[usable]
     sums, half = np.empty_like(share), len(share) // 2
@@ -144,7 +138,7 @@ def group_sigmas(squares: Float, redundancy: Float, group: Int, n_groups: int) -
     squares, redundancy, group = squares[usable], redundancy[usable], group[usable]
     count = np.bincount(group, minlength=n_groups)
     r = np.asarray(np.bincount(group, redundancy, minlength=n_groups), dtype=np.float64)
-    estimable = np.asarray(r >= ESTIMABLE)
+    estimable = np.asarray(r >= ESTIMABLE_REDUNDANCY)
     squares_of_group = np.bincount(group, squares, minlength=n_groups)
     factor = np.sqrt(np.divide(np.maximum(squares_of_group, 0.0), r, out=np.ones(n_groups), where=estimable))
     return GroupSigmas(count, r, factor, estimable)

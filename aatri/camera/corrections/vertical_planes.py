@@ -23,12 +23,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from aatri.camera.limits import FLATTEST_RAD
 from aatri.units import EARTH_RADIUS_M
 
 Array = npt.NDArray[Any]
-
-FLATTEST_RAD = np.deg2rad(80.0)
-"""Largest angle from the nadir."""
 
 
 def refraction_correction(

@@ -11,14 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Float
+from aatri.camera.limits import IS_OF_KIND, NOT_DETERMINABLE, WARNED_CORRELATION
 from aatri.camera.models.brown import brown_basis
 from aatri.camera.parameters.exterior_effects import EXTERIOR, share_in_span
-
-WARNED = 0.95
-"""Correlations from here on are worth a warning."""
-
-NOT_DETERMINABLE = 0.999
-"""From here on the two cannot be told apart without a weight on one of them."""
 
 _SCALE = (
     "vertical images of nearly flat terrain cannot tell them apart; observed projection centres (GNSS) or oblique "
@@ -115,10 +110,6 @@ class Advice:
         return f"{both}; {self.reason}"
 
 
-IS = 0.99
-"""A parameter is of a kind if so much of its column's square lies in what the kind spans."""
-
-
 def kinds_of_columns(names: Sequence[str], columns: Float, xy_mm: Float) -> dict[str, str]:
     """What the parameters of a set do, by their columns: c, x0, y0, b1, b2, p1, p2, k1 of any radial; else nothing.
 
@@ -147,7 +138,10 @@ def kinds_of_columns(names: Sequence[str], columns: Float, xy_mm: Float) -> dict
         "k1": np.concatenate([c, radial[:, :, :3]], axis=2),
     }
     shares = {kind: share_in_span(columns, span) for kind, span in spans.items()}
-    return {name: next((kind for kind, share in shares.items() if share[j] > IS), "") for j, name in enumerate(names)}
+    return {
+        name: next((kind for kind, share in shares.items() if share[j] > IS_OF_KIND), "")
+        for j, name in enumerate(names)
+    }
 
 
 def advise(pairs: Iterable[tuple[str, str, float]], kinds: Mapping[str, str] | None = None) -> list[Advice]:
@@ -164,9 +158,9 @@ def advise(pairs: Iterable[tuple[str, str, float]], kinds: Mapping[str, str] | N
     Returns
     -------
     list of Advice
-        Of the pairs from `WARNED` on, in the order given.
+        Of the pairs from `WARNED_CORRELATION` on, in the order given.
     """
-    high = [(first, second, rho) for first, second, rho in pairs if abs(rho) >= WARNED]
+    high = [(first, second, rho) for first, second, rho in pairs if abs(rho) >= WARNED_CORRELATION]
     return [Advice(first, second, rho, _reason(first, second, kinds or {})) for first, second, rho in high]
 
 

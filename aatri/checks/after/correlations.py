@@ -13,7 +13,8 @@ import numpy as np
 from aatri.adjustment.covariance.cross import Block, covariances_of_pairs
 from aatri.adjustment.unknowns import Unknowns
 from aatri.arrays import Float, Int
-from aatri.camera.parameters.advice import WARNED, advise
+from aatri.camera.limits import WARNED_CORRELATION
+from aatri.camera.parameters.advice import advise
 from aatri.checks.finding import Finding
 from aatri.checks.limits import CORRELATION_LISTED, MOST_PAIRS
 from aatri.ids import shown
@@ -79,7 +80,9 @@ def _high(
 def _findings(correlated: list[tuple[str, str, float]], kinds: Mapping[str, str]) -> list[Finding]:
     correlated.sort(key=lambda pair: -abs(pair[2]))
     findings = [Finding("correlations", "warning", a.text) for a in advise(correlated, kinds)[:7]]
-    rest = [f"{a} and {b} ({rho:.3f})" for a, b, rho in correlated if abs(rho) < WARNED or len(findings) >= 7]
+    rest = [
+        f"{a} and {b} ({rho:.3f})" for a, b, rho in correlated if abs(rho) < WARNED_CORRELATION or len(findings) >= 7
+    ]
     if rest:
         text = f"correlations of {CORRELATION_LISTED:.2f} and more: {shown(rest)}"
         findings.append(Finding("correlations", "note", text))

@@ -16,7 +16,7 @@ from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.statistics.limits import ALARM
 from aatri.arrays import Bool, Float
 from aatri.checks.finding import Finding
-from aatri.checks.limits import RESECTING, RESECTING_ACROSS
+from aatri.checks.limits import RESECTING, RESECTING_ACROSS, SAME_UNIT
 from aatri.observations.control import KIND as CONTROL
 from aatri.observations.geodetic.distances import KIND as DISTANCE
 from aatri.observations.poses import POINT, POSE, position
@@ -28,9 +28,6 @@ from aatri.units import FOOT_M
 
 UNIT = "check both against the ground; convert those that are not in metres"
 OTHER_UNITS = {FOOT_M: "feet", 1 / FOOT_M: "feet", 1000.0: "mm", 1e-3: "mm", 100.0: "cm", 0.01: "cm"}
-SAME_UNIT = 0.01
-"""A distance this near to one in another unit, as a share of it, is in that unit."""
-
 OTHER_IMAGE = "check the numbers of their points, their camera, and whether the measurements are of another image"
 
 

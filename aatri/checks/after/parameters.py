@@ -11,8 +11,8 @@ of the unit.
 import numpy as np
 
 from aatri.adjustment.covariance.cross import covariances_of_pairs
+from aatri.adjustment.statistics.limits import UNDETERMINED_SHARE
 from aatri.adjustment.statistics.significance import (
-    UNDETERMINED_SHARE,
     CorrelatedPair,
     Estimates,
     correlated_pairs,
@@ -21,7 +21,8 @@ from aatri.adjustment.statistics.significance import (
     joint_test,
     parameter_tests,
 )
-from aatri.camera.parameters.advice import SHORT, WARNED, advise
+from aatri.camera.limits import WARNED_CORRELATION
+from aatri.camera.parameters.advice import SHORT, advise
 from aatri.checks.finding import Finding
 from aatri.checks.limits import CALIBRATION_CHANGED, MOST_UNITS_TOLD, MOVED_SIGMAS
 from aatri.ids import shown
@@ -105,7 +106,9 @@ def _unit(
         findings.append(Finding("parameters", "note", f"{name}: not significant at 5 %: {which}"))
     findings += [*_moved(group, unit), *_mirrored(group, unit)]
     kinds = column_kinds(inputs) if is_additional(group.given.group) else {}
-    advice = advise([*correlated_pairs(e, WARNED), *_pairs_with_pose(inputs, result, group, unit, e)], kinds)
+    advice = advise(
+        [*correlated_pairs(e, WARNED_CORRELATION), *_pairs_with_pose(inputs, result, group, unit, e)], kinds
+    )
     return [*findings, *(Finding("parameters", "warning", f"{name}: {a.text}") for a in advice)]
 
 
@@ -155,7 +158,7 @@ def _pairs_with_pose(
     labels = [f"{n} of image {inputs.image_ids[image]}" for n in _POSE]
     variance = np.diag(result.pose_covariance[image])
     columns = np.flatnonzero(group.given.free[unit])
-    return correlated_with_others(e, cross[columns], variance, labels, WARNED)
+    return correlated_with_others(e, cross[columns], variance, labels, WARNED_CORRELATION)
 
 
 def _summed_up(inputs: BundleInput, group: AdjustedParameters, estimated: list[Estimates]) -> list[Finding]:
@@ -166,7 +169,7 @@ def _summed_up(inputs: BundleInput, group: AdjustedParameters, estimated: list[E
         tests = parameter_tests(e)
         for i in np.flatnonzero(~tests.significant):
             idle[e.names[i]] = idle.get(e.names[i], 0) + 1
-        for p in correlated_pairs(e, WARNED):
+        for p in correlated_pairs(e, WARNED_CORRELATION):
             coupled.setdefault((p.first, p.second), []).append(p.correlation)
     findings, what = [], f"{group.given.group} of {len(estimated)} units"
     kinds = column_kinds(inputs) if is_additional(group.given.group) else {}

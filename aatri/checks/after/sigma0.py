@@ -10,8 +10,8 @@ a redundancy smaller by their unknowns. A sigma0 that is too small is so only wh
 
 import numpy as np
 
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0, global_test, sigma0_note
-from aatri.adjustment.statistics.limits import limit_of_tests
+from aatri.adjustment.statistics.global_test import global_test, sigma0_note
+from aatri.adjustment.statistics.limits import MAX_SIGMA0, limit_of_tests
 from aatri.checks.finding import Finding
 from aatri.errors import ConvergenceError
 from aatri.ids import several

@@ -24,13 +24,11 @@ from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.geodetic.sights import Between, Measured, Sights, places_of_ends, slope
 from aatri.observations.level import Level
+from aatri.observations.limits import NOTED_NEGLECT
 
 if TYPE_CHECKING:
     from aatri.frames.tangent import TangentFrame
     from aatri.observations.observed import ObservationSource
-
-NOTED = 0.1
-"""Share of the standard deviation from which on there is a note of what is neglected."""
 
 
 def in_map(level: Level, start: Float, end: Float, _a: Float, _b: Float) -> tuple[Float, Float, Float]:
@@ -113,14 +111,14 @@ def not_reduced(source: ObservationSource, rows: Sights) -> tuple[Note, ...]:
     except AatriError:
         return ()
     effect = np.abs(scale - 1) * rows.value
-    large = effect > NOTED * rows.sigma
+    large = effect > NOTED_NEGLECT * rows.sigma
     if not large.any():
         return ()
     worst = int(np.nanargmax(effect))
     text = (
         f"{several(len(rows), 'distance', 'is', 'are')} not reduced, and the adjustment is in a map of "
         f"scale {scale[worst]:.6f} here: "
-        f"{large.sum()} are wrong by more than {NOTED:g} sigma, {rows.names[worst]} by {effect[worst]:.3g} m; "
+        f"{large.sum()} are wrong by more than {NOTED_NEGLECT:g} sigma, {rows.names[worst]} by {effect[worst]:.3g} m; "
         "earth_curvature: frame takes them as they are, `reduced: map` says that they are reduced"
     )
     return (Note("warning", text, tuple(rows.names[large].tolist())),)

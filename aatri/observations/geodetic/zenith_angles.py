@@ -15,9 +15,9 @@ from pydantic import Field
 
 from aatri.arrays import Float
 from aatri.notes import Note
-from aatri.observations.geodetic.reduced import NOTED
 from aatri.observations.geodetic.sights import Measured, Sights, horizontal, observed_sights, sights_of, zenith
 from aatri.observations.level import Level
+from aatri.observations.limits import NOTED_NEGLECT
 from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, position
 from aatri.options import Options
@@ -61,12 +61,13 @@ def _neglected(source: ObservationSource, rows: Sights, refraction: float) -> tu
     on_ground = ~(rows.station_is_image | rows.target_is_image)
     away = np.hypot(*(points[rows.target[on_ground]] - points[rows.station[on_ground]])[:, :2].T)
     effect = away * (1 - refraction) / (2 * EARTH_RADIUS_M)
-    large = effect > NOTED * rows.sigma[on_ground]
+    large = effect > NOTED_NEGLECT * rows.sigma[on_ground]
     if not np.isfinite(effect).any() or not large.any():
         return ()
     text = (
         "zenith angles in a local frame: curvature and refraction are neglected, up to "
-        f'{np.degrees(np.nanmax(effect)) * 3600:.2g}" ({large.sum()} of {len(rows)} by more than {NOTED:g} sigma); '
+        f'{np.degrees(np.nanmax(effect)) * 3600:.2g}" ({large.sum()} of {len(rows)} by more than '
+        f"{NOTED_NEGLECT:g} sigma); "
         "a frame with a CRS takes them into account"
     )
     return (Note("warning", text),)

@@ -16,6 +16,7 @@ import numpy as np
 from aatri.adjustment.records import Evaluated
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int, finite_rows
+from aatri.observations.limits import MOST_TILT
 from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.poses import POINT, point_generator
 from aatri.observations.relative.members import Conditions, observed_conditions
@@ -28,9 +29,6 @@ Fit = Callable[..., tuple[Float, Float, Float]]
 unknowns (k,)."""
 
 TURNS = ("tilt", "turn")
-MOST_TILT = 1.0
-"""Standard deviation of a tilt (tangent) beyond which its points do not hold a shape: those of a line no plane."""
-
 NOTHING, TILT, TILT_ACROSS = "nothing", "tilt", "tilt across"
 """What a condition can see of a movement of the block: nothing, tilts, or the tilt about the axis across it."""
 

@@ -21,7 +21,8 @@ import numpy as np
 
 from aatri.adjusting.tied_adjustment import TiedResult, adjust_tied
 from aatri.adjusting.tied_problem import TiedProblem, tied_problem
-from aatri.adjustment.statistics.rejection import SMALL_ROOM, Snooping
+from aatri.adjustment.statistics.limits import SMALL_ROOM
+from aatri.adjustment.statistics.rejection import Snooping
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import ConvergenceError, GeometryError

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aatri.adjusting.uncertain_intersection import UNCERTAIN, UncertainIntersection, intersect_uncertain
+from aatri.adjusting.limits import UNCERTAIN_DISTANCE
+from aatri.adjusting.uncertain_intersection import UncertainIntersection, intersect_uncertain
 from aatri.arrays import Float, Int, finite_rows
 from aatri.observations.image_point_rows import ImagePointRows, residuals_mm
 from aatri.observations.poses import POSE
@@ -59,7 +60,7 @@ def control_by_rays(
         if not len(meeting_rows):
             continue
         nearest = np.linalg.norm(body.poses.position_m[rays.image[meeting_rows]] - met.xyz_m[0], axis=1).min()
-        if np.sqrt(np.trace(met.covariance_m2[0])) < UNCERTAIN * nearest:
+        if np.sqrt(np.trace(met.covariance_m2[0])) < UNCERTAIN_DISTANCE * nearest:
             xyz[point], covariance[point] = met.xyz_m[0], met.covariance_m2[0]
             meeting.append(meeting_rows)
     points, met_rows = np.flatnonzero(finite_rows(xyz)), np.concatenate(meeting)

@@ -27,14 +27,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from aatri.adjusting.tied_adjustment import TiedResult
-from aatri.adjustment.statistics.global_test import (
-    MAX_SIGMA0,
-    GlobalTest,
-    global_test,
-    pooled_test,
-    sigma0_note,
-    single_misfits,
-)
+from aatri.adjustment.statistics.global_test import GlobalTest, global_test, pooled_test, sigma0_note, single_misfits
+from aatri.adjustment.statistics.limits import MAX_SIGMA0
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.errors import ConvergenceError
 from aatri.ids import several

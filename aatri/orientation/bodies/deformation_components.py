@@ -11,12 +11,12 @@ size of its body, d = theta lambda. With the most probable values and the redund
 
     theta = theta sum z^2 / d / sum r,      lambda = lambda (sum z^2 / d + e) / (sum r + e),      mean of lambda 1,
 
-repeated until nothing changes: Foerstner's. Bodies of one component are much alike, but a strip whose points lie on
-one side of it errs by twice as much as others: lambda is told by some ten redundancies each, and begins as if
-e = `ESTIMABLE` of them had told that it is 1. After every two steps the rest is taken to fall on as they did (Aitken).
-With y'y the sum of squares of the adjustment and f the redundancy beside the nuisances phi = (y'y - (n, z)'g) / f, by
-maximum likelihood of the residuals, whose deviance is (y'y - (n, z)'g) / phi + f log phi + log |1 + N D / phi|: where
-it settles all is done, as components that do much the same creep towards each other for long.
+repeated until nothing changes: Foerstner's. Bodies of one component are much alike, but a strip whose points lie on one
+side of it errs by twice as much as others: lambda is told by some ten redundancies each, and begins as if e =
+`ESTIMABLE_REDUNDANCY` of them had told that it is 1. After every two steps the rest is taken to fall on as they did
+(Aitken). With y'y the sum of squares of the adjustment and f the redundancy beside the nuisances phi = (y'y - (n, z)'g)
+/ f, by maximum likelihood of the residuals, whose deviance is (y'y - (n, z)'g) / phi + f log phi + log |1 + N D / phi|:
+where it settles all is done, as components that do much the same creep towards each other for long.
 
 N has entries for bodies that meet alone, so that the cost is proportional to their number.
 
@@ -29,7 +29,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from aatri.adjustment.elimination.block_matrix import block_matrix
-from aatri.adjustment.statistics.variance_components import ESTIMABLE
+from aatri.adjustment.statistics.limits import ESTIMABLE_REDUNDANCY
 from aatri.arrays import Float, Int
 
 ROUNDS = 100
@@ -116,7 +116,7 @@ def deformation_components(
         beside, local_redundancy = max(redundancy - local_redundancy[nuisance].sum(), 1.0), local_redundancy[z]
         r = np.bincount(component, local_redundancy, minlength=n).astype(np.float64)
         theta = theta * np.bincount(component, share, minlength=n) / np.maximum(r, 1e-12)
-        of_bodies = [np.bincount(body, x, minlength=n_bodies) + ESTIMABLE for x in (share, local_redundancy)]
+        of_bodies = [np.bincount(body, x, minlength=n_bodies) + ESTIMABLE_REDUNDANCY for x in (share, local_redundancy)]
         size = size * of_bodies[0] / of_bodies[1]
         size /= size.mean()
         last, white = deviance, squares - float(most_probable @ g)

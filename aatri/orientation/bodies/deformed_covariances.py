@@ -12,7 +12,7 @@ has left of the deformation, F z + S s (taken_up). Ground points are weighted me
 
 The variances theta of z and phi are estimated from the residuals (deformation_components), phi no smaller than the
 standard deviations a priori want it. A component of the joints that has, with what stands beside it, a redundancy below
-`ESTIMABLE` is not estimable, and then no covariance is given.
+`ESTIMABLE_REDUNDANCY` is not estimable, and then no covariance is given.
 
 Source: collocation with the filter of another adjustment: Moritz 1980, Advanced Physical Geodesy.
 """
@@ -26,7 +26,7 @@ from scipy.sparse import csr_array
 
 from aatri.adjusting.added_variance import tie_whitener, typical_variance, whitener_beside
 from aatri.adjusting.tied_adjustment import TiedResult
-from aatri.adjustment.statistics.variance_components import ESTIMABLE
+from aatri.adjustment.statistics.limits import ESTIMABLE_REDUNDANCY
 from aatri.adjustment.threads import one_blas_thread
 from aatri.arrays import Float, Int, sums_of
 from aatri.geometry.strip_bases import StripAxes
@@ -142,7 +142,7 @@ def deformed_covariances(
     sigma = {names[k]: float(np.sqrt(estimated.variance[k])) for k in present}
     redundancy = {names[k]: float(estimated.redundancy[k]) for k in present}
     if few or not present:
-        reason = f"redundancy below {ESTIMABLE:g}: " + ", ".join(few) if few else "no redundancy"
+        reason = f"redundancy below {ESTIMABLE_REDUNDANCY:g}: " + ", ".join(few) if few else "no redundancy"
         missing = f"the deformation of the strips is not estimable ({reason})"
         return replace(none, sigma=sigma, redundancy=redundancy, missing=missing)
     theta = estimated.variance[component] * estimated.size[reduced.strip]
@@ -224,7 +224,7 @@ def _estimated(
         estimated = deformation_components(N, g, of_rows, strip, squares, redundancy, least, origin_m)
         present = np.unique(component).tolist()
         r = np.bincount(lasting[present], estimated.redundancy[present])
-        few = [f"{names[k]} ({r[k]:.1f})" for k in np.unique(lasting[present]).tolist() if r[k] < ESTIMABLE]
+        few = [f"{names[k]} ({r[k]:.1f})" for k in np.unique(lasting[present]).tolist() if r[k] < ESTIMABLE_REDUNDANCY]
         if not few:
             break
     return estimated, component, names, few

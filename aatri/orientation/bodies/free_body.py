@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from aatri.adjusting.added_variance import observed_components
-from aatri.adjusting.uncertain_intersection import UNCERTAIN
+from aatri.adjusting.limits import UNCERTAIN_DISTANCE
 from aatri.adjustment.records import Records
 from aatri.adjustment.unknowns import State, Unknowns
 from aatri.arrays import Bool, Float, Int, Text, finite_rows
@@ -88,7 +88,8 @@ class FreeBody:
 
 
 def at_a_distance(xyz: Float, covariance: Float, centres: Float) -> Bool:
-    """Which points are none at infinity, (n,): known to a share `UNCERTAIN` of their median distance from the images.
+    """Which points are none at infinity, (n,): known to a share `UNCERTAIN_DISTANCE` of their median distance from the
+    images.
 
     The own distance of a point at infinity, as uncertain, says nothing.
 
@@ -99,7 +100,7 @@ def at_a_distance(xyz: Float, covariance: Float, centres: Float) -> Bool:
         Projection centres.
     """
     spread = np.sqrt(np.einsum("nii->n", covariance))
-    return np.asarray(spread < UNCERTAIN * np.median(np.linalg.norm(xyz - centres.mean(axis=0), axis=1)))
+    return np.asarray(spread < UNCERTAIN_DISTANCE * np.median(np.linalg.norm(xyz - centres.mean(axis=0), axis=1)))
 
 
 def concerning(observed: Iterable[Observed], body: FreeBody) -> tuple[Observed, ...]:

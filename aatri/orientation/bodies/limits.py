@@ -54,8 +54,8 @@ UPWARDS = 0.7
 EXCHANGE_LEAVES, SECOND_LEAVES = 0.1, 2.0
 """Share of the sum of distances that an exchange leaves at most; so many times as much any other exchange leaves."""
 
-FEWEST_FOR_EXCHANGE, MOST_FOR_EXCHANGE = 5, 40
-"""Points without which two cannot be told, three must be left; more than the latter are no matter of two numbers."""
+FEWEST_FOR_EXCHANGE = 5
+"""Points without which two cannot be told: three must be left."""
 
 MOST_BY_ALL, MOST_SEARCHED, SPARE_FOR_EXCHANGE = 12, 4, 4
 """Control points of which each two are tried by all observations, and where all headings are tried for each two; the

@@ -19,7 +19,7 @@ from itertools import combinations
 import numpy as np
 
 from aatri.adjusting.added_variance import observed_components
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0
+from aatri.adjustment.statistics.limits import MAX_SIGMA0, MOST_FOR_EXCHANGE
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.similarity import Similarity, closed_form, robust_closed_form, transform
@@ -45,7 +45,6 @@ from aatri.orientation.bodies.limits import (
     FLAT_CONTROL,
     MIRRORED_CLEARLY,
     MOST_BY_ALL,
-    MOST_FOR_EXCHANGE,
     MOST_SEARCHED,
     SECOND_LEAVES,
     SPARE_FOR_EXCHANGE,

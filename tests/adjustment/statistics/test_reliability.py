@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aatri.adjustment.statistics.reliability import DELTA0, independent_reliability, moved, reliability
+from aatri.adjustment.statistics.limits import DELTA0
+from aatri.adjustment.statistics.reliability import independent_reliability, moved, reliability
 
 
 def test_independent_components_follow_the_textbook() -> None:

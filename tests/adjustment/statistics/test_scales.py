@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from aatri.adjustment.statistics.class_scales import EFFICIENCY, class_scales, robust_scale, small_class_scale
-from aatri.adjustment.statistics.limits import limit_of_tests
-from aatri.adjustment.statistics.long_tails import BEYOND, LEAST_FREEDOM, Tail, tail_of
+from aatri.adjustment.statistics.limits import BEYOND_TAIL, LEAST_FREEDOM, limit_of_tests
+from aatri.adjustment.statistics.long_tails import Tail, tail_of
 from aatri.adjustment.statistics.reliability import tau_limit
 from aatri.adjustment.statistics.weight_functions import BOUNDS, FLOOR, weights
 from aatri.arrays import Float
@@ -167,7 +167,7 @@ LIMIT = limit_of_tests(N)
 def test_the_limit_is_that_of_the_longest_tail_that_the_residuals_allow(freedom: float, scale: float) -> None:
     tail = tail_of(np.abs(scale * stats.t(freedom).ppf(LEVELS)), LIMIT * scale)
     assert 0.75 * freedom <= tail.freedom <= 1.05 * freedom
-    limit = scale * stats.t(freedom).isf(BEYOND / 2)
+    limit = scale * stats.t(freedom).isf(BEYOND_TAIL / 2)
     assert 0.97 * limit <= tail.limit <= 1.35 * limit
 
 

@@ -19,9 +19,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
-from aatri.adjustment.statistics.class_scales import MATTERS
 from aatri.adjustment.statistics.global_test import sigma0_interval
-from aatri.adjustment.statistics.limits import ALARM
+from aatri.adjustment.statistics.limits import ALARM, MATTERS
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT

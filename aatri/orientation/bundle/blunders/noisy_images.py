@@ -14,8 +14,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from aatri.adjustment.statistics.class_scales import EFFICIENCY, class_scales, robust_scale
-from aatri.adjustment.statistics.limits import ALARM
-from aatri.adjustment.statistics.variance_components import LEAST_SHARE
+from aatri.adjustment.statistics.limits import ALARM, SILENT_REDUNDANCY
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
@@ -72,7 +71,7 @@ def noisiest_images(
             v, r = residuals_beside(result, least_squares, i, rows)
             group, image = number[i][rows], dict(o.records.touches)[POSE][rows]
             of_classes = class_scales(v.ravel(), r.ravel(), group.ravel(), 1 + int(group.max(initial=0)))
-            r = np.where(np.isfinite(v) & (r > LEAST_SHARE), r, 0.0)
+            r = np.where(np.isfinite(v) & (r > SILENT_REDUNDANCY), r, 0.0)
             v = np.where(r > 0, v, 0.0) / of_classes.scale[group]
             redundancy += np.bincount(image, r.sum(axis=1), n_images)
             squares += np.bincount(image, np.einsum("nk,nk->n", v, v), n_images)

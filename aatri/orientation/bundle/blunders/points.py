@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from aatri.adjusting.uncertain_intersection import UNCERTAIN
+from aatri.adjusting.limits import UNCERTAIN_DISTANCE
 from aatri.adjustment.records import predicted
 from aatri.adjustment.statistics.attribution import BlockRecords, Explanation, explain
 from aatri.adjustment.statistics.leave_one_out import as_good
@@ -230,7 +230,7 @@ def with_start(xyz_m: Float, points: Int) -> Int:
 
 
 def well_intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float, points: Int) -> Int:
-    """Those of the points whose rays meet at a distance known to a share `UNCERTAIN`; none of parallel rays.
+    """Those of the points whose rays meet at a distance known to a share `UNCERTAIN_DISTANCE`; none of parallel rays.
 
     Over the distance, the standard deviation along the rays is the root of the largest eigenvalue of
     (sum (c / sigma)^2 (I - d d'))^-1, d the directions to the point.
@@ -243,4 +243,4 @@ def well_intersected(rays: ImagePointRows, poses: Poses, xyz_m: Float, points: I
     N = np.zeros((len(xyz_m), 3, 3))
     np.add.at(N, point, weight[:, None, None] * (np.eye(3) - d[:, :, None] * d[:, None, :]))
     least = np.linalg.eigvalsh(N[points])[:, 0]
-    return points[finite_rows(xyz_m[points]) & (least * UNCERTAIN**2 > 1.0)]
+    return points[finite_rows(xyz_m[points]) & (least * UNCERTAIN_DISTANCE**2 > 1.0)]

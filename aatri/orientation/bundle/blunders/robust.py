@@ -12,8 +12,7 @@ import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
-from aatri.adjustment.statistics.attribution import CONTROLLED
-from aatri.adjustment.statistics.limits import MEDIAN_OF_NORMAL
+from aatri.adjustment.statistics.limits import CONTROLLED_COMPONENT, MEDIAN_OF_NORMAL
 from aatri.adjustment.statistics.weight_functions import BOUNDS, weights
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Float, Int
@@ -150,7 +149,7 @@ def _weights(
         v = standardised(o, result.adjusted.state, rows)
         if options.weights == "li_posterior" and least_squares is not None:
             r = 1.0 - np.einsum("nii->ni", least_squares.observations[i].covariance[rows])
-            v = v / np.sqrt(np.where(r > CONTROLLED, r, 1.0))
+            v = v / np.sqrt(np.where(r > CONTROLLED_COMPONENT, r, 1.0))
         weight[rows] = weights(options.weights, np.abs(v).max(axis=1), options.k)
     return weight
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from aatri.adjusting.adjusted_observations import classes_of
 from aatri.adjustment.covariance.score import score
-from aatri.adjustment.statistics.class_scales import MATTERS, ClassScales, class_scales, may_differ, small_class_scale
+from aatri.adjustment.statistics.class_scales import ClassScales, class_scales, may_differ, small_class_scale
+from aatri.adjustment.statistics.limits import ESTIMABLE_REDUNDANCY, MATTERS, SILENT_REDUNDANCY
 from aatri.adjustment.statistics.long_tails import Tail, tail_of
-from aatri.adjustment.statistics.variance_components import ESTIMABLE, LEAST_SHARE
 from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note
 from aatri.observations.observed import Observed, full_whitener
@@ -113,7 +113,7 @@ class Classes:
 
     def in_small_kinds(self, scales: ClassScales) -> Bool:
         """Classes of kinds of too little redundancy, (g,)."""
-        return np.asarray(np.bincount(self.kind, scales.redundancy)[self.kind] < ESTIMABLE)
+        return np.asarray(np.bincount(self.kind, scales.redundancy)[self.kind] < ESTIMABLE_REDUNDANCY)
 
     def of_small_kinds(self, scales: ClassScales, result: BundleResult, of: int | None = None) -> ClassScales:
         """Scales with those of kinds of too little redundancy, or of one, which residuals tell by their cofactors."""
@@ -131,7 +131,7 @@ class Classes:
     def tails(self, result: BundleResult, limit: float) -> tuple[Tail, ...]:
         """Tails of the errors of all classes, from the residuals of what is used or predicted."""
         v, r, group = self._residuals(result, None, predicted=True)
-        controlled = r > LEAST_SHARE
+        controlled = r > SILENT_REDUNDANCY
         return tuple(
             tail_of(np.abs(v[in_class]) / np.sqrt(r[in_class]), limit)
             for in_class in (controlled & (group == g) for g in range(len(self.names)))
@@ -156,7 +156,7 @@ class Classes:
         scale, redundancy, estimable = scales.scale.copy(), scales.redundancy.copy(), scales.estimable.copy()
         for kind in np.unique(self.kind[~scales.estimable]):
             kind_classes = np.flatnonzero(self.kind == kind)
-            if len(kind_classes) < 2 or scales.redundancy[kind_classes].sum() < ESTIMABLE:
+            if len(kind_classes) < 2 or scales.redundancy[kind_classes].sum() < ESTIMABLE_REDUNDANCY:
                 continue
             pooled = class_scales(v, r, np.where(np.isin(group, kind_classes), 0, -1), 1)
             small = kind_classes[~scales.estimable[kind_classes] & ~self.of_image[kind_classes]]

@@ -7,11 +7,9 @@ import numpy as np
 
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjustment.records import whitened_residuals
-from aatri.adjustment.statistics.attribution import CONTROLLED
 from aatri.adjustment.statistics.leave_one_out import gains_of_leaving_out
-from aatri.adjustment.statistics.limits import SINGLE_LIMIT
+from aatri.adjustment.statistics.limits import CONTROLLED_COMPONENT, ESTIMABLE_REDUNDANCY, SINGLE_LIMIT
 from aatri.adjustment.statistics.reliability import tau_limit
-from aatri.adjustment.statistics.variance_components import ESTIMABLE
 from aatri.adjustment.threads import by_rows
 from aatri.adjustment.unknowns import State
 from aatri.arrays import Bool, Float, Int
@@ -42,7 +40,7 @@ class TestedBlock:
     @property
     def low_redundancy(self) -> bool:
         """Whether there is too little redundancy to tell a gross error from wrong standard deviations by |w| alone."""
-        return self.result.adjusted.redundancy < ESTIMABLE
+        return self.result.adjusted.redundancy < ESTIMABLE_REDUNDANCY
 
     @cached_property
     def test(self) -> Float:
@@ -97,13 +95,13 @@ def residuals_and_redundancy(observations: AdjustedObservations, state: State, r
     control may be far more precise than the block predicts it.
     """
     records = observations.observed.records
-    most = 1.0 / CONTROLLED if is_ray(observations.observed) else np.inf
+    most = 1.0 / CONTROLLED_COMPONENT if is_ray(observations.observed) else np.inf
     observed = records.observed_components()
 
     def redundancy(rows: Int) -> Float:
         used = records.active[rows][:, None]
         r = 1.0 + np.where(used, -1.0, 1.0) * np.einsum("nii->ni", observations.covariance[rows])
-        is_controlled = np.where(used, r > CONTROLLED, r < most)
+        is_controlled = np.where(used, r > CONTROLLED_COMPONENT, r < most)
         return np.where(observed[rows] & is_controlled, r, 0.0)
 
     return whitened_residuals(records, state, rows), by_rows(redundancy, rows)

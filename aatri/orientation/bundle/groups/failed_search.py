@@ -27,9 +27,8 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.openness.open_directions import OpenCombination, OpenError
-from aatri.adjustment.statistics.class_scales import MATTERS
-from aatri.adjustment.statistics.global_test import MAX_SIGMA0, sigma0_interval
-from aatri.adjustment.statistics.limits import ALARM
+from aatri.adjustment.statistics.global_test import sigma0_interval
+from aatri.adjustment.statistics.limits import ALARM, MATTERS, MAX_SIGMA0
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import AatriError, ConvergenceError, GeometryError
 from aatri.geometry.intersection import intersect_rays

@@ -20,9 +20,8 @@ from scipy.special import chdtri
 
 from aatri.adjustment.covariance.score import Joint, moved, score, with_factor
 from aatri.adjustment.records import whitened
-from aatri.adjustment.statistics.attribution import CONTROLLED
 from aatri.adjustment.statistics.leave_one_out import as_good
-from aatri.adjustment.statistics.limits import ALARM, SEPARABLE
+from aatri.adjustment.statistics.limits import ALARM, CONTROLLED_COMPONENT, SEPARABLE
 from aatri.adjustment.stepping.adjusted import Adjusted
 from aatri.adjustment.whitening import times_whitener
 from aatri.arrays import Float, Int
@@ -256,7 +255,7 @@ def _residuals(
     for (name, block), J in zip(records.touches, jacobians):
         after += np.einsum("nmk,nk->nm", J, change[name][block[rows]])
     r = 1.0 - np.einsum("nii->ni", adjusted_kind.covariance[rows])
-    w2 = (after**2)[tested := records.observed_components()[rows] & (r > CONTROLLED)] / r[tested]
+    w2 = (after**2)[tested := records.observed_components()[rows] & (r > CONTROLLED_COMPONENT)] / r[tested]
     scale = float(np.sqrt(max(1.0, np.median(w2) / float(chdtri(1.0, 0.5)) if len(w2) else 1.0)))
     return v[in_group := np.isin(rows, group.rows)], after[in_group], scale
 

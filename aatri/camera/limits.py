@@ -1,0 +1,19 @@
+"""Thresholds of cameras and their parameters, each once, with its source."""
+
+import numpy as np
+
+# --- advice
+
+WARNED_CORRELATION = 0.95
+"""Correlations from here on are worth a warning."""
+
+NOT_DETERMINABLE = 0.999
+"""From here on the two cannot be told apart without a weight on one of them."""
+
+IS_OF_KIND = 0.99
+"""A parameter is of a kind if so much of its column's square lies in what the kind spans."""
+
+# --- vertical planes
+
+FLATTEST_RAD = np.deg2rad(80.0)
+"""Largest angle from the nadir."""
