@@ -12,7 +12,8 @@ Exit codes
 from __future__ import annotations
 
 import errno
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 LONGEST = 10_000
 """Longest part of a message, in characters."""
@@ -131,6 +132,16 @@ class Faults(list[AatriError]):
     def add(self, what: str, where: str = "", remedy: str = "") -> None:
         """Add an error of the class."""
         self.append(self._of(what, where=where, remedy=remedy))
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Keep an error of the class that is raised within, or several at once, in place of going on with it."""
+        try:
+            yield
+        except Errors as several:
+            self.extend(several.errors)
+        except self._of as error:
+            self.append(error)
 
 
 MOST_SHOWN = 50

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
-from aatri.formats.colmap.writer import write_colmap_model
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.pipeline.methods.catalogue import Catalogue
 from aatri.pipeline.plan.graph import wire
@@ -21,6 +20,7 @@ from aatri.tables import hdf5
 from aatri.tables.schema import Artifact
 from tests.campaigns.hdf5_changes import changed_file
 from tests.contract.made_files import colmap_model
+from tests.formats.colmap.written_binary import write_binary
 from tests.formats.start_solution import start_solution
 from tests.formats.tables.block_folder import write_folder
 from tests.reading import read_bal, read_block, read_colmap, read_dbat, read_gama, read_pairs, read_wucaps
@@ -142,7 +142,7 @@ def _write(files: dict[str, str]) -> Callable[[Path], object]:
 
 def _colmap_binary(folder: Path) -> None:
     block = read_colmap(colmap_model(folder / "text"))
-    write_colmap_model(OrientedBlock(block, start_solution(block)), folder, binary=True)
+    write_binary(OrientedBlock(block, start_solution(block)), folder)
 
 
 def _artifact(folder: Path) -> None:

@@ -46,27 +46,6 @@ def read_binary(folder: Path) -> ColmapModel:
     return ColmapModel(cameras, images, points, xyz, np.zeros(len(points), dtype=np.int32), paths, track)
 
 
-def write_binary(model: ColmapModel) -> None:
-    """Write binary files at `model.paths`."""
-    numbers = {name: k for k, name in enumerate(MODELS)}
-    cameras = [struct.pack("<Q", len(model.cameras))]
-    for c in model.cameras:
-        form = f"<IiQQ{len(c.parameters)}d"
-        cameras.append(struct.pack(form, c.id, numbers[c.model], c.width, c.height, *c.parameters))
-    images = [struct.pack("<Q", len(model.images))]
-    for image in model.images:
-        images.append(struct.pack("<I7dI", image.id, *image.quaternion, *image.translation, image.camera))
-        rows = np.zeros(len(image.point), OBSERVATION)
-        rows["x"], rows["y"], rows["point"] = image.xy_px[:, 0], image.xy_px[:, 1], image.point
-        images.append(image.name.encode() + b"\0" + struct.pack("<Q", len(rows)) + rows.tobytes())
-    points = [struct.pack("<Q", len(model.points))]
-    for name, xyz, error, track in zip(model.points.tolist(), model.xyz, model.error_px, model.tracks()):
-        points.append(struct.pack("<Q3d3BdQ", name, *xyz, 0, 0, 0, error, len(track)))
-        points.append(np.array(track, dtype="<u4").tobytes())
-    for path, parts in zip(model.paths, (cameras, images, points)):
-        path.write_bytes(b"".join(parts))
-
-
 class _Bytes:
     """A binary file being read."""
 

@@ -19,7 +19,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.artifacts.block import APPROXIMATE, OBSERVED_VALUE, Block
 from aatri.artifacts.builder import Columns, block_of
-from aatri.errors import AatriError, InputError, raise_all
+from aatri.errors import Faults, InputError, raise_all
 from aatri.formats.colmap.binary import binary_paths, read_binary
 from aatri.formats.colmap.model import NO_POINT, ColmapCamera, ColmapImage, ColmapModel, compare_tracks
 from aatri.formats.colmap.text import read_text, text_paths
@@ -158,50 +158,42 @@ def _check(model: ColmapModel) -> None:
         where = _place(model, CAMERAS, camera.line)
         if camera.model not in COLMAP:
             what = f"camera {camera.id} has the model {camera.model}, which has no like here"
-            problems.append(InputError(what, where=where, remedy=f"convert it to one of {', '.join(COLMAP)}"))
+            problems.add(what, where, f"convert it to one of {', '.join(COLMAP)}")
         elif min(_lens(camera, where).focal_px) <= 0 or min(camera.width, camera.height) <= 0:
-            what = f"camera {camera.id} has no positive focal length and size"
-            problems.append(InputError(what, where=where, remedy=EXPORT))
+            problems.add(f"camera {camera.id} has no positive focal length and size", where, EXPORT)
     if not model.images:
-        problems.append(InputError("no image", where=str(model.paths[IMAGES]), remedy="export a reconstruction"))
+        problems.add("no image", str(model.paths[IMAGES]), "export a reconstruction")
     seen: dict[str, int] = {}
     for image in model.images:
         where = _place(model, IMAGES, image.line)
         if image.camera not in cameras:
-            what = f"image {image.id} names camera {image.camera}, which is not there"
-            problems.append(InputError(what, where=where, remedy=EXPORT))
+            problems.add(f"image {image.id} names camera {image.camera}, which is not there", where, EXPORT)
         if math.hypot(*image.quaternion) < 1.0 / LARGEST:
-            what = f"image {image.name} has no rotation: its quaternion is 0"
-            problems.append(InputError(what, where=where, remedy=EXPORT))
+            problems.add(f"image {image.name} has no rotation: its quaternion is 0", where, EXPORT)
         if seen.setdefault(image.name, image.id) != image.id:
             what = f"images {seen[image.name]} and {image.id} have one name"
-            problems.append(InputError(what, where=where, remedy="remove one, or give it another name"))
+            problems.add(what, where, "remove one, or give it another name")
         unknown = np.setdiff1d(image.point[image.point != NO_POINT], model.points)
         if len(unknown):
-            what = f"image {image.name} shows point {unknown[0]}, which is not in points3D"
-            problems.append(InputError(what, where=where, remedy=EXPORT))
+            problems.add(f"image {image.name} shows point {unknown[0]}, which is not in points3D", where, EXPORT)
     if len(np.unique(model.points)) < len(model.points):
-        problems.append(InputError("a point stands twice", where=str(model.paths[POINTS]), remedy="remove one"))
+        problems.add("a point stands twice", str(model.paths[POINTS]), "remove one")
     raise_all(problems)
 
 
-def _numbers_of_model(model: ColmapModel) -> list[AatriError]:
+def _numbers_of_model(model: ColmapModel) -> Faults:
     """Faults for what is not finite, or too large for a quantity, which binary files may hold."""
+    faults = Faults()
     parts: list[tuple[int, str, int, Any]] = [
         (CAMERAS, f"camera {c.id}", c.line, [*c.parameters, c.width, c.height]) for c in model.cameras
     ]
     parts += [(IMAGES, f"image {i.id}", i.line, [*i.quaternion, *i.translation]) for i in model.images]
     parts += [(IMAGES, f"a feature of image {i.id}", i.line, i.xy_px.ravel()) for i in model.images]
     parts += [(POINTS, "a point", 0, model.xyz.ravel())]
-    return [
-        InputError(
-            f"{what} has a number that is not finite or too large",
-            where=_place(model, file, line),
-            remedy=EXPORT,
-        )
-        for file, what, line, values in parts
-        if not (np.abs(np.asarray(values, dtype=np.float64)) <= LARGEST).all()
-    ]
+    for file, what, line, values in parts:
+        if not (np.abs(np.asarray(values, dtype=np.float64)) <= LARGEST).all():
+            faults.add(f"{what} has a number that is not finite or too large", _place(model, file, line), EXPORT)
+    return faults
 
 
 def _place(model: ColmapModel, file: int, line: int) -> str:

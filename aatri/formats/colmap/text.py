@@ -57,8 +57,8 @@ def read_text(folder: Path, reporter: Reporter = SILENT) -> ColmapModel:
     return ColmapModel(cameras, images, points, xyz, at, paths, track)
 
 
-def write_text(model: ColmapModel) -> None:
-    """Write text files at `model.paths`."""
+def texts_of(model: ColmapModel) -> dict[str, str]:
+    """The text files of a model, by their names."""
     cameras = ["# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"]
     cameras += [f"{c.id} {c.model} {c.width} {c.height} {_joined(c.parameters)}" for c in model.cameras]
     images = ["# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", "# POINTS2D[] as X Y POINT3D_ID"]
@@ -71,8 +71,7 @@ def write_text(model: ColmapModel) -> None:
     for k, (name, xyz) in enumerate(zip(model.points.tolist(), model.xyz.tolist())):
         track = " ".join(f"{image} {row}" for image, row in tracks[k])
         points.append(f"{name} {_joined(xyz)} 0 0 0 {model.error_px[k]!r} {track}")
-    for path, lines in zip(model.paths, (cameras, images, points)):
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return {f"{name}.txt": "\n".join([*lines, ""]) for name, lines in zip(NAMES, (cameras, images, points))}
 
 
 def _joined(values: Sequence[float]) -> str:

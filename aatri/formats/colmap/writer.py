@@ -1,4 +1,4 @@
-"""Writing of an oriented block as a COLMAP sparse model, text or binary; the forms are those of `colmap_model`.
+"""Writing of an oriented block as a COLMAP sparse model; the forms are those of `text`.
 
 Cameras become SIMPLE_PINHOLE or PINHOLE (none), RADIAL (bal; OPENCV with two pixel sizes), OPENCV or FULL_OPENCV
 (opencv), OPENCV_FISHEYE (fisheye); a brown distortion is fitted by FULL_OPENCV. Points keep their ids where all ids are
@@ -12,15 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from aatri.arrays import Int, Text
-from aatri.errors import ResourceError
-from aatri.formats.colmap.binary import binary_paths, write_binary
 from aatri.formats.colmap.model import ColmapCamera, ColmapImage, ColmapModel
-from aatri.formats.colmap.text import text_paths, write_text
+from aatri.formats.colmap.text import texts_of
 from aatri.formats.conventions.lens import FORMS, Lens
 from aatri.formats.conventions.lens_conversion import as_program_states
 from aatri.formats.conventions.poses import quaternion_of_matrix, stated_rotation, translation_of
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.text.written_files import write_files
 from aatri.ids import several
 from aatri.progress import SILENT, Reporter
 
@@ -35,12 +34,7 @@ MODELS = {
 
 
 def write_colmap_model(
-    oriented: OrientedBlock,
-    folder: Path,
-    writing: Writing = AS_USUAL,
-    reporter: Reporter = SILENT,
-    *,
-    binary: bool = False,
+    oriented: OrientedBlock, folder: Path, writing: Writing = AS_USUAL, reporter: Reporter = SILENT
 ) -> None:
     """Write an oriented block as a sparse model.
 
@@ -49,6 +43,11 @@ def write_colmap_model(
     folder : Path
         Made if it is not there.
     """
+    write_files(folder, texts_of(colmap_model(oriented, writing, reporter)))
+
+
+def colmap_model(oriented: OrientedBlock, writing: Writing, reporter: Reporter) -> ColmapModel:
+    """The sparse model of an oriented block; what has no place in it is told."""
     block, cameras = oriented.block, oriented.block.images.camera
     used = np.unique(cameras[oriented.model_rays.image]).tolist()
     lenses = {
@@ -58,19 +57,15 @@ def write_colmap_model(
         for k, lens in enumerate(oriented.lenses)
         if k in used
     }
-    model = _model(oriented, lenses, binary_paths(folder) if binary else text_paths(folder))
+    model = _model(oriented, lenses)
     left_out = len(block.images) - len(model.images), len(block.points) - len(model.points)
     if any(left_out):
         images, points = several(left_out[0], "image"), several(left_out[1], "point")
         reporter.log(f"left out: {images} without orientation or rays, {points} without rays")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (write_binary if binary else write_text)(model)
-    except OSError as error:
-        raise ResourceError(f"cannot write: {error}", where=str(folder), remedy="choose another folder") from error
+    return model
 
 
-def _model(oriented: OrientedBlock, lenses: dict[int, Lens], paths: list[Path]) -> ColmapModel:
+def _model(oriented: OrientedBlock, lenses: dict[int, Lens]) -> ColmapModel:
     block, rays = oriented.block, oriented.model_rays
     images, first = np.unique(rays.image, return_index=True)
     points = np.unique(rays.point)
@@ -94,7 +89,7 @@ def _model(oriented: OrientedBlock, lenses: dict[int, Lens], paths: list[Path]) 
         points=names,
         xyz=oriented.xyz_m[points],
         point_lines=np.zeros(len(points), np.int32),
-        paths=paths,
+        paths=[],
         error_px=mean.tolist(),
     )
 

@@ -31,7 +31,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 
-from aatri.errors import InputError, raise_all
+from aatri.errors import Faults, InputError, raise_all
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, blank_separated
 from aatri.ids import clipped, several
@@ -134,8 +134,7 @@ def read_control(path: Path, reporter: Reporter = SILENT) -> dict[str, ObjectPoi
     InputError
         If the file is missing or a line is not of its form.
     """
-    control, first = dict[str, ObjectPoint](), dict[str, TextLine]()
-    problems: list[InputError] = []
+    control, first, problems = dict[str, ObjectPoint](), dict[str, TextLine](), Faults()
     lines = [
         (k, text)
         for k, text in enumerate(read_lines(path, reporter), 1)
@@ -144,15 +143,12 @@ def read_control(path: Path, reporter: Reporter = SILENT) -> dict[str, ObjectPoi
     decimal = decimal_commas([text for _, text in lines])
     for (k, text), comma in zip(lines, decimal):
         entry = TextLine([cell.strip() for cell in text.split(",")], path, k)
-        if comma:
-            what = f"{clipped(comma)!r} may be two numbers or one with a decimal comma"
-            problems.append(entry.error(what, "write a decimal point; a number without one as 10.0"))
-            continue
-        try:
+        with problems.kept():
+            if comma:
+                what = f"{clipped(comma)!r} may be two numbers or one with a decimal comma"
+                raise entry.error(what, "write a decimal point; a number without one as 10.0")
             point = _control_point(entry)
             control[entry.once(entry.words[0], first, "point")] = point
-        except InputError as error:
-            problems.append(error)
     raise_all(problems)
     if not control:
         raise InputError("no control point", where=str(path), remedy="write lines `id, name, X, Y, Z, sX, sY, sZ`")

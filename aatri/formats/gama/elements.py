@@ -25,24 +25,19 @@ LENGTHS, ANGLES = ("distance", "s-distance", "dh"), ("direction", "angle", "z-an
 CC_RAD, SECOND_RAD, MM = 1e-4 * ANGLE_RAD["gon"], ANGLE_RAD["arcsec"], 1e-3
 
 
-def read_network(path: Path) -> Network:
-    """Read a network.
+class NetworkFile:
+    """A file being read, and its network.
 
     Raises
     ------
     InputError
         If the file is no gama-local input, or has what is not supported; the message names line and element.
     """
-    return _Reader(path).read()
 
-
-class _Reader:
     def __init__(self, path: Path) -> None:
         self.path, self.network = path, Network()
         self.stdev: dict[str, list[float]] = {}
         self.sets = 0
-
-    def read(self) -> Network:
         root = read_xml(self.path, ("gama-local",), "an input file of gama-local")
         for network in self._children(root, ("network",)):
             self.network.axes = network.get("axes-xy", "ne")
@@ -54,7 +49,6 @@ class _Reader:
                     "parameters": self._parameters,
                     "points-observations": self._content,
                 }[part.tag](part)
-        return self.network
 
     def _description(self, part: XmlElement) -> None:
         self.network.description = " ".join(part.text.split())

@@ -14,7 +14,7 @@ import numpy as np
 from aatri.artifacts.block import APPROXIMATE, CONTROL, NO_ROLE, Block, Frames
 from aatri.artifacts.builder import Columns, block_of
 from aatri.errors import InputError
-from aatri.formats.gama.elements import read_network
+from aatri.formats.gama.elements import NetworkFile
 from aatri.formats.gama.network import GivenPoint, Network, Row
 from aatri.ids import canonical, clipped, shown
 from aatri.progress import SILENT, Reporter
@@ -30,7 +30,7 @@ AXES = {"e": (0, 1.0), "w": (0, -1.0), "n": (1, 1.0), "s": (1, -1.0), "u": (2, 1
 
 def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
     """Read a network."""
-    network = read_network(path)
+    network = NetworkFile(path).network
     axes = _axes(network.axes, path)
     points = _points(network, path)
     points |= _without_element(network.rows, points, path, reporter)
@@ -39,6 +39,7 @@ def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
     ids = canonical(points)
     # of each observation, how it counts along the axes of the Block
     sign = [axes[row.type[1]][1] if row.type in ("dx", "dy", "dz") else 1.0 for row in network.rows]
+    of_rows = [(i, j, sign[i] * sign[j] * value) for i, j, value in network.covariances if i != j and value]
     pairs = [(*a, *b, value) for a, b, value in _observed_covariances(network, axes, ids) if a[0] != b[0] and value]
     return block_of(
         name=path.stem,
@@ -47,7 +48,7 @@ def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
         ground_points=_ground(network, points, ids, axes),
         ground_point_covariances=dict(zip(("row_a", "axis_a", "row_b", "axis_b", "value"), zip(*pairs))) or None,
         geodetic=_geodetic(network, axes, sign),
-        geodetic_covariances=_between_rows(network, sign),
+        geodetic_covariances=dict(zip(("row_a", "row_b", "value"), zip(*of_rows))) or None,
         frames=Frames.of(id="local", axes="east,north,up", crs="local", vertical=""),
     )
 
@@ -138,8 +139,3 @@ def _geodetic(network: Network, axes: Axes, sign: list[float]) -> Columns:
         "end_height_m": [r.end_height_m for r in rows],
         "line": [r.line for r in rows],
     }
-
-
-def _between_rows(network: Network, sign: list[float]) -> Columns | None:
-    pairs = [(i, j, sign[i] * sign[j] * value) for i, j, value in network.covariances if i != j and value]
-    return dict(zip(("row_a", "row_b", "value"), zip(*pairs))) or None

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from aatri.arrays import Float
+from aatri.formats.results.column_names import angle_sigmas_deg, standard_deviations
 from aatri.formats.results.exported_files import control_points
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.geometry.rotations import angle_covariance, angles_from_rotation
+from aatri.geometry.rotations import angles_from_rotation
 
 PER_SIDE = 8
 """Points of a footprint along a side: a distorted side is no line."""
@@ -88,12 +89,8 @@ def _images(oriented: OrientedBlock) -> Layer:
     R, n = oriented.ground_from_image, len(block.images)
     angles, sigma = np.degrees(angles_from_rotation(R)), np.full((n, 6), np.nan)
     if solution is not None:
-        covariance = solution.images.covariance
-        has_covariance = np.isfinite(covariance).all(axis=(1, 2)) & oriented.oriented
-        sigma[has_covariance, :3] = np.sqrt(np.einsum("nii->ni", covariance[has_covariance, :3, :3]))
-        if has_covariance.any():
-            of_angles = angle_covariance(R[has_covariance], covariance[has_covariance, 3:, 3:], "omega-phi-kappa")
-            sigma[has_covariance, 3:] = np.degrees(np.sqrt(np.einsum("nii->ni", of_angles)))
+        of_angles = angle_sigmas_deg(solution.images, "omega-phi-kappa")
+        sigma = np.column_stack([standard_deviations(solution.images.covariance)[:, :3], *of_angles.values()])
     rays = np.bincount(oriented.rays.image, minlength=n).tolist()
     for row in np.flatnonzero(np.isfinite(oriented.position_m).all(axis=1)).tolist():
         camera = str(block.cameras.id[block.images.camera[row]])

@@ -18,6 +18,7 @@ from aatri.errors import GeometryError, SpecError
 from aatri.formats.conventions.poses import carrier_angles
 from aatri.formats.lists.list_columns import ANGLES, PRESETS, ROTATION, ListPreset, columns_named
 from aatri.formats.parts.format import AS_USUAL, Writing
+from aatri.formats.results.column_names import standard_deviations
 from aatri.formats.results.exported_files import control_points
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.text.csv_cells import shielded
@@ -121,4 +122,4 @@ def _sigma_m(oriented: OrientedBlock) -> Float:
     else:
         covariance = np.full((len(oriented.block.images), 3, 3), np.nan)
         covariance[oriented.block.exterior.image] = oriented.block.exterior.position_covariance_m2
-    return np.asarray(np.sqrt(np.einsum("nii->ni", covariance)))
+    return standard_deviations(covariance)

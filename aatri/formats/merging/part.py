@@ -12,7 +12,7 @@ import numpy as np
 from aatri.arrays import Bool, Int
 from aatri.artifacts.block import Block, GrossErrors
 from aatri.artifacts.builder import geodetic_order, image_point_order
-from aatri.formats.merging.rows import conditions_in_order, conditions_of
+from aatri.formats.tables.relative_control import conditions_of, tables_of_conditions
 from aatri.tables.schema import columns_of, tables_of
 
 TABLE_OF_KIND = {
@@ -138,12 +138,9 @@ def part_of(block: Block, images: Bool) -> Block:
         ],
         dtype=bool,
     )
-    kept = [
-        k
-        for k, (_, _, members) in enumerate(conditions)
-        if all(name in names["image" if part == "images" else "point"] for part, name in members)
-    ]
-    touched = {name for k in kept for part, name in conditions[k][2] if part != "images"}
+    names_of = {"images": names["image"]}
+    kept = [c for c in conditions if all(name in names_of.get(part, names["point"]) for part, name in c.members)]
+    touched = {name for c in kept for part, name in c.members if part != "images"}
     for end in ("start", "end"):
         touched |= set(getattr(sights, end)[inside & (getattr(sights, f"{end}_kind") == "point")].tolist())
     points |= np.isin(block.points.id, list(touched | set(sights.via[inside].tolist())))
@@ -174,8 +171,6 @@ def part_of(block: Block, images: Bool) -> Block:
         rows["true_images"] = images[block.true_images.image]
     if block.true_points is not None:
         rows["true_points"] = points[block.true_points.point]
-    control, members = conditions_in_order(
-        block.relative_control.take(np.array(kept, dtype=np.intp)), [conditions[k] for k in kept]
-    )
+    control, members = tables_of_conditions(kept)
     part = replace(block, relative_control=control, relative_control_members=members)
     return taken(part, {name: np.flatnonzero(chosen) for name, chosen in rows.items()})

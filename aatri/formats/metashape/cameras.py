@@ -189,19 +189,18 @@ def rigs_of(
         [*frames, *((sensors[s.master], s) for s in slaves.values())],
         key=lambda pair: (pair[0].name, pair[1] is not pair[0], pair[1].name),
     )
-    n = len(members)
-    mounted = np.array([member is not frame for frame, member in members])
+    mounted = np.array([[member is not frame] * 3 for frame, member in members])
     R = np.array([member.rotation for _, member in members]) * Y_UP[:, None] * Y_UP
     table = RigMembers.of(
         rig=[frame.name for frame, _ in members],
         member=[member.name for _, member in members],
-        is_frame=~mounted,
-        position_m=np.array([member.translation for _, member in members]) * Y_UP * scale * mounted[:, None],
-        angles_rad=np.where(mounted[:, None], angles_from_rotation(R), 0.0),
-        position_sigma_m=np.where(mounted[:, None], np.nan, np.zeros((n, 3))),
-        position_free=np.broadcast_to(mounted[:, None], (n, 3)),
-        angle_sigma_rad=np.where(mounted[:, None], np.nan, np.zeros((n, 3))),
-        angle_free=np.broadcast_to(mounted[:, None], (n, 3)),
+        is_frame=~mounted[:, 0],
+        position_m=np.array([member.translation for _, member in members]) * Y_UP * scale * mounted,
+        angles_rad=np.where(mounted, angles_from_rotation(R), 0.0),
+        position_sigma_m=np.where(mounted, np.nan, 0.0),
+        position_free=mounted,
+        angle_sigma_rad=np.where(mounted, np.nan, 0.0),
+        angle_free=mounted,
     )
     number = {key: k for k, key in enumerate(dict.fromkeys(c.master or c.id for c in cameras), 1)}
     rig = [

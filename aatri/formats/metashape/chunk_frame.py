@@ -15,7 +15,7 @@ from aatri.arrays import Float
 from aatri.codes import APPROXIMATE, APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.formats.conventions.poses import is_rotation
 from aatri.formats.metashape.tie_points import TiePoints
-from aatri.formats.parts.block_parts import LOCAL, PLANE, BlockParts
+from aatri.formats.parts.block_parts import LOCAL, PLANE, BlockParts, rows_of, together
 from aatri.formats.parts.one_frame import geographic, in_frame
 from aatri.formats.text.text_line import places
 from aatri.formats.text.xml_tree import XmlElement
@@ -86,11 +86,14 @@ class ChunkFrame:
             stated.ground_points = {k: [t[k] for t in targets] for k in ("point", "xyz_m", "sigma_m", "role")} | at
         if ties is not None:
             R, scale, origin = self.transform(next(iter(self.transforms), ""))
-            start.ground_points = {"point": ties.names, "xyz_m": scale * ties.xyz @ R.T + origin}
+            placed = scale * ties.xyz @ R.T + origin
+            start.ground_points = {"point": ties.names, "xyz_m": placed, "sigma_m": 0.0, "role": APPROXIMATE}
         parts.frame = self._common(start, stated)
         if parts.frame is not None and self.reference != LOCAL:
             start, stated = in_frame(start, parts.frame, reporter), in_frame(stated, parts.frame, reporter)
-        parts.ground_points = _with_ties(stated.ground_points, start.ground_points)
+        parts.ground_points = stated.ground_points
+        if ties is not None:
+            parts.ground_points = together([rows_of(of, "ground_points") for of in (stated, start)])
         parts.exterior = _together(start.exterior, stated.exterior)
 
     def _common(self, start: BlockParts, stated: BlockParts) -> Frame | None:
@@ -156,23 +159,6 @@ def _similarity(transform: XmlElement) -> tuple[Float, float, Float]:
     if not is_rotation(R) or scale <= 0:
         raise transform.error(f"its rotation is none, or the scale {scale:g} is not positive", "export again")
     return R, scale, origin
-
-
-def _with_ties(targets: Mapping[str, Any], ties: Mapping[str, Any]) -> dict[str, Any]:
-    """Tie points as start values, after the targets."""
-    if not ties:
-        return dict(targets)
-    n = len(ties["point"])
-    own = {
-        "point": ties["point"],
-        "xyz_m": ties["xyz_m"],
-        "role": np.full((n, 3), APPROXIMATE),
-        "file": np.zeros(n, int),
-        "line": np.full(n, -1),
-    }
-    sigma = "covariance_m2" if "covariance_m2" in targets else "sigma_m"
-    own[sigma] = np.zeros((n, 3, 3) if sigma == "covariance_m2" else (n, 3))
-    return {key: [*targets.get(key, ()), *values] for key, values in own.items()}
 
 
 def _together(start: Mapping[str, Any], observed: Mapping[str, Any]) -> dict[str, Any]:

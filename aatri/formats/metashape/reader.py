@@ -14,6 +14,7 @@ Source: documents of versions 1.2, 1.4 and 2.0; Agisoft Metashape user manual.
 
 import re
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from aatri.formats.metashape.cameras import ImageElement, Sensor, attitudes_of, 
 from aatri.formats.metashape.chunk_frame import ChunkFrame, frame_of_chunk
 from aatri.formats.metashape.tie_points import TiePoints, tie_points_of
 from aatri.formats.metashape.writer import write_metashape
-from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.block_parts import BlockParts, rows_of, together
 from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading
 from aatri.formats.text.archive import Archive
 from aatri.formats.text.text_line import check_positive, once, places
@@ -258,20 +259,10 @@ def _give_marks(
 
 def _give_ties(parts: BlockParts, ties: TiePoints, sigma_px: float) -> None:
     """The projections of tie points, after the marks."""
-    marks, n = parts.image_points, len(ties.images)
-    own: dict[str, Any] = {
-        "image": ties.images,
-        "point": ties.points,
-        "xy": ties.xy_px,
-        "sigma_px": np.full((n, 2), sigma_px),
-        "file": np.zeros(n, int),
-        "line": np.full(n, -1),
-    }
-    if marks:
-        stated = np.broadcast_to(np.asarray(marks.get("sigma_px", np.nan), dtype=float), (len(marks["image"]), 2))
-        own = {key: [*(stated if key == "sigma_px" else marks[key]), *values] for key, values in own.items()}
-    parts.image_points = own
-    parts.notes.append(f"{len(ties.names)} tie points with {n} projections")
+    columns = {"image": ties.images, "point": ties.points, "xy": ties.xy_px, "sigma_px": sigma_px}
+    of_ties = replace(parts, image_points=columns)
+    parts.image_points = together([rows_of(parts, "image_points"), rows_of(of_ties, "image_points")])
+    parts.notes.append(f"{len(ties.names)} tie points with {len(ties.images)} projections")
 
 
 def _recognised(view: FileView) -> str:

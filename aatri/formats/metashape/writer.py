@@ -19,7 +19,7 @@ from aatri.formats.parts.block_parts import LOCAL
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.parts.of_block import frame_of
 from aatri.formats.results.exported_files import ControlPoint, control_points
-from aatri.formats.results.horizon import MovedBlock, in_other_frame
+from aatri.formats.results.horizon import MovedBlock, as_it_is, in_other_frame
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.text.written_files import element, numbers, write_files, xml_of
 from aatri.frames.conversion import crs_of
@@ -41,7 +41,7 @@ def write_metashape(
         as_program_states(lens, ["metashape"], reporter, allowed_px=writing.lens_misfit_px) for lens in oriented.lenses
     ]
     if frame == LOCAL:
-        system, moved = LOCAL_SYSTEM, MovedBlock(LOCAL, oriented.position_m, oriented.ground_from_image, oriented.xyz_m)
+        system, moved = LOCAL_SYSTEM, as_it_is(oriented)
     else:
         declared = crs_of(frame)
         system = (declared if frame.vertical else declared.to_2d()).to_wkt("WKT1_GDAL")

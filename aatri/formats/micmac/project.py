@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.errors import AatriError, InputError, raise_all
+from aatri.errors import Faults, InputError, raise_all
 from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.poses import is_rotation
 from aatri.formats.text.text_line import once
@@ -78,10 +78,16 @@ class MicmacProject:
 
     def check(self) -> None:
         """Faults of the files together: names, references, rotations, the check pairs that the files bring along."""
-        problems: list[AatriError] = []
-        _each_once([(image.name, image.at) for image in self.images], "image", problems)
-        _each_once([(f"{m.point} in image {m.image}", m.at) for m in self.marks], "point", problems)
-        _each_once([(target.point, target.at) for target in self.targets], "ground point", problems)
+        problems = Faults()
+        for what, names in (
+            ("image", [(image.name, image.at) for image in self.images]),
+            ("point", [(f"{m.point} in image {m.image}", m.at) for m in self.marks]),
+            ("ground point", [(target.point, target.at) for target in self.targets]),
+        ):
+            first: dict[str, XmlElement] = {}
+            for name, at in names:
+                with problems.kept():
+                    once(at, name, first, what)
         used = {image.camera for image in self.images}
         problems += [error for name, error in self.without_like.items() if name in used or not used]
         for image in self.images:
@@ -108,12 +114,3 @@ class MicmacProject:
         with np.errstate(divide="ignore", invalid="ignore"):
             xy_px = lens.projected(seen[:, :2] / seen[:, 2:]) + np.array(lens.size_px) / 2
         return float(np.nan_to_num(np.linalg.norm(xy_px - image.pairs[:, :2], axis=1), nan=np.inf).max())
-
-
-def _each_once(rows: list[tuple[str, XmlElement]], what: str, problems: list[AatriError]) -> None:
-    first: dict[str, XmlElement] = {}
-    for name, at in rows:
-        try:
-            once(at, name, first, what)
-        except InputError as error:
-            problems.append(error)

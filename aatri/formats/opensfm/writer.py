@@ -39,7 +39,7 @@ def write_opensfm(
         for k, lens in enumerate(oriented.lenses)
     ]
     horizon = in_horizon(oriented, reporter)
-    R, position = horizon.ground_from_image, horizon.position_m
+    _, position, R, xyz_m = horizon.moved
     rows = np.flatnonzero(oriented.oriented)
     rotation = log_rotation(stated_rotation(R[rows], "opensfm")).tolist()
     translation = translation_of(R[rows], position[rows], "opensfm").tolist()
@@ -57,9 +57,9 @@ def write_opensfm(
     bound = {p.row for p in control}
     measured = [row for row in np.unique(rays.point).tolist() if row not in bound]
     points = {
-        str(block.points.id[row]): {"coordinates": horizon.xyz_m[row].tolist(), "color": [255, 255, 255]}
+        str(block.points.id[row]): {"coordinates": xyz_m[row].tolist(), "color": [255, 255, 255]}
         for row in measured
-        if np.isfinite(horizon.xyz_m[row]).all()
+        if np.isfinite(xyz_m[row]).all()
     }
     reconstruction: dict[str, Any] = {
         "cameras": {lens.id: _camera(lens) for lens in lenses},

@@ -225,7 +225,6 @@ def _members(document: JsonText, members: Mapping[tuple[str, str], int | None]) 
                 values[2 * k + j, row] = document.numbers(*keys, count=3)
                 if j and values[2 * k + j, row].min() < 0:
                     raise document.fault(keys, f"standard deviations {values[2 * k + j, row]}", "they are positive")
-    free = np.zeros((len(ordered), 3), dtype=bool)
     return RigMembers.of(
         rig=[rig for rig, _ in ordered],
         member=[member for _, member in ordered],
@@ -233,7 +232,7 @@ def _members(document: JsonText, members: Mapping[tuple[str, str], int | None]) 
         position_m=values[0] * Y_UP,
         angles_rad=np.radians(values[2]) * Y_UP,
         position_sigma_m=values[1],
-        position_free=free,
+        position_free=False,
         angle_sigma_rad=np.radians(values[3]),
-        angle_free=free,
+        angle_free=False,
     )

@@ -12,9 +12,9 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
-from aatri.errors import ResourceError
 from aatri.formats.parts.format import Content
 from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.text.written_files import write_files
 from aatri.ids import shown
 from aatri.progress import Reporter
 
@@ -126,8 +126,8 @@ MAP = "east,north,up"
 """The order of map coordinates in a Solution, whatever their order in the tables."""
 
 
-def write_crs(block: Block, folder: Path) -> Path | None:
-    """Write in which system the coordinates of an export are; None where the block declares none.
+def write_crs(block: Block, folder: Path) -> None:
+    """Write in which system the coordinates of an export are; nothing where the block declares none.
 
     Parameters
     ----------
@@ -141,13 +141,8 @@ def write_crs(block: Block, folder: Path) -> Path | None:
     """
     crs, vertical = str(block.frames.crs[0]), str(block.frames.vertical[0])
     if crs == "local":
-        return None
+        return
     stated = str(block.frames.axes[0])
     axes = MAP if sorted(stated.split(",")) == sorted(MAP.split(",")) else stated
     lines = [f"crs: {crs}", *([f"vertical: {vertical}"] if vertical else []), f"axes: {axes}", "unit: m"]
-    path = folder / NAME
-    try:
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise ResourceError(f"cannot write: {error.strerror}", where=str(path), remedy="another place") from error
-    return path
+    write_files(folder, {NAME: "\n".join(lines) + "\n"})

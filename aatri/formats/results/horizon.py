@@ -34,9 +34,7 @@ class MovedBlock(NamedTuple):
 class Horizon(NamedTuple):
     """A block in the horizon of a place; `reference_lla` is latitude, longitude, height, None of a local block."""
 
-    position_m: Float
-    ground_from_image: Float
-    xyz_m: Float
+    moved: MovedBlock
     source: Frame
     reference_lla: tuple[float, float, float] | None
 
@@ -51,37 +49,29 @@ class Horizon(NamedTuple):
 def in_horizon(oriented: OrientedBlock, reporter: Reporter) -> Horizon:
     """The block in the horizon of its own frame, or of its middle; a local one as it is."""
     source = frame_of(oriented.block)
-    if source == LOCAL:
-        return Horizon(oriented.position_m, oriented.ground_from_image, oriented.xyz_m, source, None)
-    if is_tangent_frame(source.crs):
+    if source == LOCAL or is_tangent_frame(source.crs):
         longitude, latitude, height = tangent_place(source)
-        place = latitude, longitude, height
-        return Horizon(oriented.position_m, oriented.ground_from_image, oriented.xyz_m, source, place)
+        place = None if source == LOCAL else (latitude, longitude, height)
+        return Horizon(as_it_is(oriented), source, place)
     places_m = [xyz[np.isfinite(xyz).all(axis=1)] for xyz in (oriented.position_m, oriented.xyz_m)]
     middle = np.median(np.concatenate(places_m), axis=0)
     longitude, latitude, _ = geographic(middle[None], source)[0].tolist()
     place = latitude, longitude, 0.0
-    moved = in_other_frame(oriented, topocentric(*place), reporter)
-    return Horizon(moved.position_m, moved.ground_from_image, moved.xyz_m, source, place)
+    return Horizon(in_other_frame(oriented, topocentric(*place), reporter), source, place)
+
+
+def as_it_is(oriented: OrientedBlock) -> MovedBlock:
+    """Orientations and points in the frame of the block itself."""
+    return MovedBlock(frame_of(oriented.block), oriented.position_m, oriented.ground_from_image, oriented.xyz_m)
 
 
 def in_other_frame(oriented: OrientedBlock, target: Frame, reporter: Reporter) -> MovedBlock:
     """Orientations and points in another frame; what this does to the image points is told."""
-    n, p, R = len(oriented.position_m), len(oriented.xyz_m), oriented.ground_from_image
-    parts = BlockParts(
-        "aatri",
-        [],
-        frame=frame_of(oriented.block),
-        exterior={
-            "image": [""] * n,
-            "position_m": oriented.position_m,
-            "ground_from_image": oriented.ground_from_image,
-        },
-        ground_points={"point": [""] * p, "xyz_m": oriented.xyz_m, "role": 0},
-    )
+    exterior = {"position_m": oriented.position_m, "ground_from_image": oriented.ground_from_image}
+    ground_points = {"xyz_m": oriented.xyz_m, "role": 0}
+    parts = BlockParts("aatri", [], frame=frame_of(oriented.block), exterior=exterior, ground_points=ground_points)
     parts = in_frame(parts, target, reporter)
-    position, R, xyz = parts.exterior["position_m"], parts.exterior["ground_from_image"], parts.ground_points["xyz_m"]
-    moved = MovedBlock(target, np.asarray(position), np.asarray(R), np.asarray(xyz))
+    moved = MovedBlock(target, *map(np.asarray, (*parts.exterior.values(), parts.ground_points["xyz_m"])))
     if (apart_px := _changed_px(oriented, moved)) > LEAST_PX:
         what = f"moved from {oriented.block.frames.crs[0]} into {'the earth' if target == GEOCENTRIC else 'a horizon'}"
         reporter.log(f"{what}: image points fall up to {apart_px:.2g} px elsewhere, which maps distort")

@@ -18,6 +18,7 @@ the same bits. A text that a spreadsheet would take for a formula is prefixed by
 """
 
 import csv
+import io
 from collections.abc import Mapping
 from itertools import combinations_with_replacement, product
 from pathlib import Path
@@ -32,7 +33,6 @@ from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.residuals import Residuals, Tests
 from aatri.artifacts.solution import ParameterCovariances, Parameters, Solution, StripTransformations
 from aatri.codes import WORDS_OF_ROLES
-from aatri.errors import ResourceError
 from aatri.formats.results.column_names import (
     ANGLES,
     SIGMAS_M,
@@ -44,6 +44,7 @@ from aatri.formats.results.column_names import (
 from aatri.formats.results.interior_orientation import interior_columns
 from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.text.csv_cells import shielded
+from aatri.formats.text.written_files import write_files
 from aatri.frames.axes import columns_in_order
 from aatri.geometry.two_point import TwoPointFrame
 from aatri.observations.poses import ADDITIONAL
@@ -158,11 +159,8 @@ def write_evaluation_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
 
 def write_tables(tables: Mapping[str, Columns], folder: Path) -> list[Path]:
     """Write columns as CSV files, by name; the folder is made if it is not there."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        return [_write(folder / name, columns) for name, columns in tables.items()]
-    except OSError as error:
-        raise ResourceError(f"cannot write: {error}", where=str(folder), remedy="choose another folder") from error
+    write_files(folder, {name: _csv_text(columns) for name, columns in tables.items()})
+    return [folder / name for name in tables]
 
 
 def _exterior(solution: Solution) -> Columns:
@@ -269,12 +267,10 @@ def _role_text(code: Int) -> str:
     return " ".join(f"{axes}:{role}" for role, axes in parts.items())
 
 
-def _write(path: Path, columns: Columns) -> Path:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*(_cells(values) for values in columns.values())))
-    return path
+def _csv_text(columns: Columns) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([tuple(columns), *zip(*map(_cells, columns.values()))])
+    return text.getvalue()
 
 
 def _cells(values: npt.NDArray[Any]) -> list[str]:

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from aatri.artifacts.block import CameraParameters, Cameras, DistortionTable, Fiducials, RigMembers
-from aatri.errors import InputError
 from aatri.formats.tables.settings.camera import VECTORS, CameraSettings
 from aatri.formats.tables.source import Source, ask_for_angle_unit, look_up, plain_angle_rad
 from aatri.formats.text.csv_table import CsvTable
@@ -57,8 +56,7 @@ def check_rigs_of_images(source: Source, table: CsvTable) -> None:
         members = rigs.get(rig[k], {})
         if name and members and name not in members:
             what = f"rig {clipped(rig[k])} has no member {clipped(name)!r}{did_you_mean(name, members)}"
-            error = InputError(what, where=table.where(k, "member"), remedy="add it to the rig in block.yaml")
-            table.problems.append(error)
+            table.problems.add(what, table.where(k, "member"), "add it to the rig in block.yaml")
     first: dict[tuple[str, str, object], int] = {}
     for k, name in enumerate(rig):
         if not name or not member[k]:

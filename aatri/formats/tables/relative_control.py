@@ -9,7 +9,6 @@ the members is kept.
 import json
 import os
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -66,6 +65,13 @@ class Condition(NamedTuple):
     value: float
     sigma: float
     line: int
+    file: int = FILES.index(FILE)
+
+    @property
+    def place(self) -> Any:
+        """What the canonical order goes by."""
+        members = tuple((part.encode(), name.encode()) for part, name in self.members)
+        return self.type, self.axis, members, float(np.nan_to_num(self.value, nan=-1.0)), self.sigma
 
 
 def relative_control_tables(
@@ -74,7 +80,7 @@ def relative_control_tables(
     """Read relative_control.yaml, if it is there; `more` conditions come from elsewhere."""
     path = source.folder / FILE
     if not os.path.lexists(path):
-        return tables_of_conditions(sorted(more, key=_order), FILES.index(FILE))
+        return tables_of_conditions(more)
     document = load(path, InputError)
     if not isinstance(document.value, list):
         raise InputError("is no list of conditions", where=document.where(), remedy="begin each one with `- {type: `")
@@ -82,16 +88,26 @@ def relative_control_tables(
     read = [_condition(source, document, k, ids) for k in range(len(document.value))]
     first: dict[Any, int] = {}
     for c in read:
-        if c is not None and first.setdefault(_order(c), c.line) != c.line:
-            what = f"{c.type} is equal to that of line {first[_order(c)]} in every digit: they count once"
+        if c is not None and first.setdefault(c.place, c.line) != c.line:
+            what = f"{c.type} is equal to that of line {first[c.place]} in every digit: they count once"
             source.reporter.warn(f"{path}:{c.line}: {what}")
-    own = [c for c in read if c is not None and first[_order(c)] == c.line]
-    conditions = sorted([*own, *more], key=_order)
-    return tables_of_conditions(conditions, FILES.index(FILE))
+    return tables_of_conditions([*(c for c in read if c is not None and first[c.place] == c.line), *more])
 
 
-def tables_of_conditions(conditions: list[Condition], file: int) -> tuple[RelativeControl, RelativeControlMembers]:
-    """The tables of conditions that are in canonical order."""
+def conditions_of(block: Block) -> list[Condition]:
+    """The conditions of a block."""
+    rows, members = block.relative_control, block.relative_control_members
+    listed: list[list[tuple[str, str]]] = [[] for _ in range(len(rows))]
+    for k, part, name in zip(members.condition.tolist(), members.part.tolist(), members.id.tolist()):
+        listed[k].append((part, name))
+    names = ("type", "axis", "value", "sigma", "line", "file")
+    cells = zip(*(getattr(rows, name).tolist() for name in names))
+    return [Condition(members=tuple(of), **dict(zip(names, row))) for of, row in zip(listed, cells)]
+
+
+def tables_of_conditions(conditions: Iterable[Condition]) -> tuple[RelativeControl, RelativeControlMembers]:
+    """The tables of conditions, in canonical order."""
+    conditions = sorted(conditions, key=lambda c: c.place)
     members = [(k, part, name) for k, c in enumerate(conditions) for part, name in c.members]
     return (
         RelativeControl.of(
@@ -99,7 +115,7 @@ def tables_of_conditions(conditions: list[Condition], file: int) -> tuple[Relati
             value=[c.value for c in conditions],
             sigma=[c.sigma for c in conditions],
             axis=[c.axis for c in conditions],
-            file=file,
+            file=[c.file for c in conditions],
             line=[c.line for c in conditions],
         ),
         RelativeControlMembers.of(
@@ -108,8 +124,8 @@ def tables_of_conditions(conditions: list[Condition], file: int) -> tuple[Relati
     )
 
 
-def write_relative_control(block: Block, path: Path, table_axis: Mapping[str, str]) -> None:
-    """Write the conditions in m and rad; `table_axis` says what the tables call the axes X, Y, Z of the block."""
+def relative_control_text(block: Block, table_axis: Mapping[str, str]) -> str:
+    """The conditions in m and rad; `table_axis` says what the tables call the axes X, Y, Z of the block."""
     rows, members = block.relative_control, block.relative_control_members
     lines = []
     for k in range(len(rows)):
@@ -127,12 +143,7 @@ def write_relative_control(block: Block, path: Path, table_axis: Mapping[str, st
             item["axis"] = table_axis[str(rows.axis[k])]
         item |= {"sigma": float(rows.sigma[k])} if rows.sigma[k] > 0 else {"exact": True}
         lines.append(f"- {json.dumps(item, ensure_ascii=False)}\n")
-    path.write_text("".join(lines), encoding="utf-8", newline="\n")
-
-
-def _order(c: Condition) -> Any:
-    members = tuple((part.encode(), name.encode()) for part, name in c.members)
-    return (c.type, c.axis, members, float(np.nan_to_num(c.value, nan=-1.0)), c.sigma)
+    return "".join(lines)
 
 
 def _condition(source: Source, document: Document, k: int, ids: dict[str, set[str]]) -> Condition | None:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from aatri.arrays import Bool, Float, Int
-from aatri.errors import Errors, Faults, InputError
+from aatri.errors import Faults
 from aatri.formats.tables.columns import TABLES, Stated, components
 from aatri.formats.tables.settings.block import Settings
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, CsvTable, read_csv
@@ -50,13 +50,9 @@ class Source:
         path = self.folder / name
         if not os.path.lexists(path):
             return None
-        try:
+        with self.problems.kept():
             table = read_csv(path, cells, self.problems, self.reporter)
             return table if name in COUNTED_LATER else self._without_copies(table)
-        except Errors as several:
-            self.problems.extend(several.errors)
-        except InputError as error:
-            self.problems.append(error)
         return None
 
     def _without_copies(self, table: CsvTable) -> CsvTable:
@@ -141,8 +137,7 @@ def no_repeats(table: CsvTable, columns: Sequence[str], what: str) -> None:
         if earlier != k and all(key):
             name = clipped("/".join(key))
             message = f"{what} {name!r} twice, first in line {table.line[earlier]}"
-            error = InputError(message, where=table.where(k, columns[0]), remedy="remove or rename one")
-            table.problems.append(error)
+            table.problems.add(message, table.where(k, columns[0]), "remove or rename one")
 
 
 def not_negative(table: CsvTable, column: str, *, zero: bool) -> None:

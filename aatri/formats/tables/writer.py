@@ -17,15 +17,14 @@ import numpy.typing as npt
 
 from aatri.arrays import Float
 from aatri.artifacts.block import OBSERVED_VALUE, Block
-from aatri.errors import ResourceError
 from aatri.formats.tables.columns import COVARIANCES, TABLES, Stated
 from aatri.formats.tables.ground import ROLES
 from aatri.formats.tables.relative_control import FILE as RELATIVE_CONTROL
-from aatri.formats.tables.relative_control import write_relative_control
+from aatri.formats.tables.relative_control import relative_control_text
 from aatri.formats.tables.settings.reading import settings_text
 from aatri.formats.text.csv_cells import shielded
+from aatri.formats.text.written_files import write_files
 from aatri.frames.axes import in_order_of
-from aatri.progress import SILENT, Reporter
 from aatri.tables.schema import Table, columns_of
 
 Cells = list[str]
@@ -33,7 +32,7 @@ Cells = list[str]
 _ROLE_NAMES = {code: word for word, code in ROLES.items()}
 
 
-def write_block(block: Block, folder: Path, reporter: Reporter = SILENT) -> None:
+def write_block(block: Block, folder: Path) -> None:
     """Write a block folder.
 
     Parameters
@@ -46,18 +45,11 @@ def write_block(block: Block, folder: Path, reporter: Reporter = SILENT) -> None
     ResourceError
         If the folder cannot be written.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "block.yaml").write_text(settings_text(block), encoding="utf-8", newline="\n")
-        for name, columns in _tables(block, folder).items():
-            _write_csv(folder / name, columns)
-        if len(block.relative_control):
-            write_relative_control(block, folder / RELATIVE_CONTROL, _axis_names(block))
-    except OSError as error:
-        raise ResourceError(
-            f"cannot write: {error}", where=str(folder), remedy="free space or choose a folder"
-        ) from error
-    reporter.log(f"wrote block {block.name} to {folder}")
+    texts = {"block.yaml": settings_text(block)}
+    texts |= {name: _csv_text(columns) for name, columns in _tables(block, folder).items()}
+    if len(block.relative_control):
+        texts[RELATIVE_CONTROL] = relative_control_text(block, _axis_names(block))
+    write_files(folder, texts)
 
 
 def _tables(block: Block, folder: Path) -> dict[str, dict[str, Cells]]:
@@ -105,12 +97,10 @@ def _values(block: Block, rows: Table, stated: Stated) -> Cells:
     return _numbers(values) if declared.dtype == "f8" else _text(values)
 
 
-def _write_csv(path: Path, columns: Mapping[str, Cells]) -> None:
-    """Write the columns that hold anything, and the first ones of the contract in any case."""
+def _csv_text(columns: Mapping[str, Cells]) -> str:
+    """The columns that hold anything, and the first ones of the contract in any case."""
     kept = {name: cells for k, (name, cells) in enumerate(columns.items()) if k < 4 or any(cells)}
-    with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(",".join(kept) + "\n")
-        file.writelines(",".join(row) + "\n" for row in zip(*kept.values()))
+    return "".join(",".join(row) + "\n" for row in (kept, *zip(*kept.values())))
 
 
 def _numbers(values: npt.NDArray[Any]) -> Cells:

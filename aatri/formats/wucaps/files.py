@@ -11,13 +11,11 @@ Whitespace-separated text, GBK or ASCII, `-99` ends a list. Names of the files i
 - PRENPI, if there is one: non-photogrammetric observations, see `observations`
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 from aatri.artifacts.block import CHECK, CONTROL, NO_ROLE
-from aatri.errors import AatriError, Errors, InputError, raise_all
+from aatri.errors import Faults, InputError, raise_all
 from aatri.formats.text.text_file import missing
 from aatri.formats.text.text_line import TextLine, word_lines
 from aatri.formats.wucaps.observations import NAME as OBSERVATIONS
@@ -26,7 +24,6 @@ from aatri.ids import clipped, did_you_mean, several
 from aatri.progress import SILENT, Reporter
 
 NAMES = ("PRECAI", "PREPHI", "PRECKI", "PRECPI")
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -102,34 +99,21 @@ def read_files(folder: Path, reporter: Reporter = SILENT) -> WucapsFiles:
         raise missing(folder)
     paths = [_find(folder, name) for name in NAMES]
     entries = [word_lines(path, reporter, blanks="\x1a") for path in paths]
-    problems: list[AatriError] = []
-    camera = _collected(lambda: _camera(entries[0], paths[0]), problems)
-    images = _collected(lambda: _image_coordinates(entries[1]), problems)
-    ground = _collected(lambda: _ground(entries[2]), problems)
-    roles = _collected(lambda: _roles(entries[3], paths[3], ground), problems) if ground is not None else None
-    observed: tuple[Columns, Columns] | None = {}, {}
-    beside = [p for p in folder.iterdir() if p.is_file() and p.stem.upper() == OBSERVATIONS]
-    if beside:
+    problems = Faults()
+    observed: tuple[Columns, Columns] = {}, {}
+    with problems.kept():
+        camera = _camera(entries[0], paths[0])
+    with problems.kept():
+        images = _image_coordinates(entries[1])
+    with problems.kept():
+        ground = _ground(entries[2])
+        roles = _roles(entries[3], paths[3], ground)
+    if any(p.is_file() and p.stem.upper() == OBSERVATIONS for p in folder.iterdir()):
         paths.append(_find(folder, OBSERVATIONS))
-        observed = _collected(lambda: observations(word_lines(paths[-1], reporter, blanks="\x1a")), problems)
+        with problems.kept():
+            observed = observations(word_lines(paths[-1], reporter, blanks="\x1a"))
     raise_all(problems)
-    assert observed is not None
-    assert camera is not None
-    assert images is not None
-    assert ground is not None
-    assert roles is not None
     return WucapsFiles(paths, camera, *images, ground, roles, *observed)
-
-
-def _collected(read: Callable[[], T], problems: list[AatriError]) -> T | None:
-    """What is read; None if it has faults, which are kept."""
-    try:
-        return read()
-    except Errors as several:
-        problems.extend(several.errors)
-    except InputError as error:
-        problems.append(error)
-    return None
 
 
 def _find(folder: Path, name: str) -> Path:
@@ -176,10 +160,9 @@ def _image_coordinates(
     stated: list[StatedStrip] = []
     photos, first = list[WucapsPhoto](), dict[str, TextLine]()
     measured: list[MeasuredPoint] = []
-    problems: list[AatriError] = []
-    photo, last = "", True
+    problems, photo, last = Faults(), "", True
     for entry in entries:
-        try:
+        with problems.kept():
             if photo and ends(entry) and len(entry.words) < 4:
                 photo = ""
             elif photo and len(entry.words) == 3:
@@ -205,8 +188,6 @@ def _image_coordinates(
                     f"{several(len(entry.words), 'word')}, but a strip or photo should begin here",
                     "a strip is `strip count scale 0`, a photo `photo 0`",
                 )
-        except InputError as error:
-            problems.append(error)
     if photo:
         problems.append(entries[-1].error(f"the file ends within photo {photo}", "end it with -99 0 0"))
     raise_all(problems)
@@ -216,16 +197,13 @@ def _image_coordinates(
 
 def _ground(entries: list[TextLine]) -> dict[str, GroundPoint]:
     """PRECKI: east, north, up by id."""
-    ground, first = dict[str, GroundPoint](), dict[str, TextLine]()
-    problems: list[AatriError] = []
+    ground, first, problems = dict[str, GroundPoint](), dict[str, TextLine](), Faults()
     for entry in entries:
         if ends(entry):
             break
-        try:
+        with problems.kept():
             north, east, up = entry.of_width(4, "id X Y H").numbers(1)
             ground[entry.once(entry.words[0], first, "point")] = GroundPoint((east, north, up), entry)
-        except InputError as error:
-            problems.append(error)
     raise_all(problems)
     return ground
 
@@ -240,8 +218,7 @@ def _roles(entries: list[TextLine], path: Path, ground: dict[str, GroundPoint]) 
             f"{several(full + plan + height, 'control point')} announced, {several(len(named), 'id')} follow",
             "mend the numbers",
         )
-    roles: dict[str, list[int]] = {}
-    problems: list[AatriError] = []
+    roles, problems = dict[str, list[int]](), Faults()
     for k, entry in enumerate(named):
         name = entry.words[0]
         if len(entry.words) > 1:

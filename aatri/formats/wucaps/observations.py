@@ -16,7 +16,7 @@ import numpy as np
 
 from aatri.arrays import finite_rows
 from aatri.artifacts.block import OBSERVED_VALUE, PROJECTION_CENTRE, Block
-from aatri.errors import AatriError, InputError, raise_all
+from aatri.errors import Faults, raise_all
 from aatri.formats.text.text_line import TextLine
 from aatri.notes import Note
 
@@ -42,13 +42,13 @@ def observations(entries: Sequence[TextLine]) -> tuple[Columns, Columns]:
     InputError
         If a line is not of its form, or observes a photo twice.
     """
-    problems, first = list[AatriError](), dict[str, TextLine]()
+    problems, first = Faults(), dict[str, TextLine]()
     photos, geodetic = dict[str, dict[str, TextLine]](), list[TextLine]()
     for entry in entries:
         if ends(entry):
             break
         kind = entry.words[0].lower()
-        try:
+        with problems.kept():
             if kind not in WIDTHS:
                 raise entry.error(f"{entry.words[0]!r} is no kind of observation", f"one of {', '.join(WIDTHS)}")
             entry.of_width(WIDTHS[kind], f"{kind} and its values")
@@ -60,8 +60,6 @@ def observations(entries: Sequence[TextLine]) -> tuple[Columns, Columns]:
             sigmas = entry.numbers(5) if kind in ("position", "attitude") else entry.numbers(WIDTHS[kind] - 1)
             if not min(sigmas) > 0:
                 raise entry.error("a standard deviation that is not above 0", "leave the observation out")
-        except InputError as error:
-            problems.append(error)
     raise_all(problems)
     return _exterior(photos), _geodetic(geodetic)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.artifacts.solution import Solution
-from aatri.geometry.rotations import angle_covariance, angles_from_rotation
+from aatri.formats.results.column_names import angle_sigmas_deg, angles_deg, standard_deviations
 
 SYSTEM = "phi-omega-kappa"
 NORTH_EAST = [1, 0, 2]
@@ -30,22 +30,19 @@ def result_lines(solution: Solution) -> dict[str, list[str]]:
 
 
 def _orientations(solution: Solution) -> list[str]:
-    images, lines = solution.images, list[str]()
-    rows = np.flatnonzero(images.oriented)
-    R, C = images.ground_from_image[rows], images.covariance[rows]
-    angles = np.degrees(angles_from_rotation(R, SYSTEM)) if len(rows) else np.zeros((0, 3))
-    turned = np.nan_to_num(C[:, 3:, 3:])
-    sigma = np.degrees(np.sqrt(np.einsum("nii->ni", angle_covariance(R, turned, SYSTEM)))) if len(rows) else angles
-    of_place = np.sqrt(np.einsum("nii->ni", np.nan_to_num(C[:, :3, :3])))
-    for k, row in enumerate(rows):
-        place, s = images.position_m[row][NORTH_EAST], of_place[k][NORTH_EAST]
-        lines.append(_line(images.id[row], place, angles[k], s, sigma[k]))
-    return lines
+    images = solution.images
+    angles = np.column_stack([*angles_deg(images, SYSTEM).values()])
+    of_angles = np.nan_to_num(np.column_stack([*angle_sigmas_deg(images, SYSTEM).values()]))
+    of_place = np.nan_to_num(standard_deviations(images.covariance))[:, NORTH_EAST]
+    return [
+        _line(images.id[row], images.position_m[row][NORTH_EAST], angles[row], of_place[row], of_angles[row])
+        for row in np.flatnonzero(images.oriented)
+    ]
 
 
 def _points(solution: Solution) -> list[str]:
     p = solution.points
-    sigma = np.sqrt(np.nan_to_num(np.einsum("nii->ni", p.covariance_m2)))
+    sigma = np.nan_to_num(standard_deviations(p.covariance_m2))
     rows = np.flatnonzero(np.isfinite(p.xyz_m).all(axis=1))
     return [f"{_line(p.id[row], p.xyz_m[row][NORTH_EAST], sigma[row][NORTH_EAST])} {p.rays[row]}" for row in rows]
 

@@ -17,9 +17,10 @@ from aatri.arrays import Bool, Float
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE, Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import Solution
-from aatri.errors import AatriError, InputError, ResourceError, raise_all
+from aatri.errors import Faults, InputError, raise_all
 from aatri.formats.parts.format import Writing
 from aatri.formats.results.oriented_block import OrientedBlock
+from aatri.formats.text.written_files import write_files
 from aatri.formats.wucaps.observations import END, observation_lines
 from aatri.formats.wucaps.observations import NAME as OBSERVATIONS
 from aatri.formats.wucaps.result_files import result_lines
@@ -99,46 +100,38 @@ def write_wucaps(
         texts[OBSERVATIONS] = [*observed, "-99"]
     if solution is not None:
         texts |= result_lines(solution)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, lines in texts.items():
-            (folder / f"{name}.DAT").write_text("\n".join(lines) + "\n", encoding="ascii", newline="\r\n")
-    except OSError as error:
-        raise ResourceError(f"cannot write: {error.strerror}", where=str(folder), remedy="another place") from error
+    write_files(folder, {f"{name}.DAT": "\r\n".join([*lines, ""]) for name, lines in texts.items()})
     return [*lost, *_left_out(block, used)]
 
 
 def _refuse(block: Block, *, corrected: bool) -> None:
     """Raise what stands against the form, all of it at once."""
-    cameras, images, problems = block.cameras, block.images, list[AatriError]()
-
-    def refuse(what: str, where: str, remedy: str) -> None:
-        problems.append(InputError(what, where=where, remedy=remedy))
-
+    cameras, images, problems = block.cameras, block.images, Faults()
     if len(cameras) != 1:
-        refuse(f"{len(cameras)} cameras, WuCAPS files hold one", f"block {block.name}", "export as tables")
+        problems.add(f"{len(cameras)} cameras, WuCAPS files hold one", f"block {block.name}", "export as tables")
     later = "export a Solution, whose image points are corrected, or export as tables"
     for k, name in enumerate(cameras.id if not corrected else ()):
         if cameras.image_coordinates[k] != "photo":
-            refuse(
+            problems.add(
                 f"{cameras.image_coordinates[k]} coordinates, WuCAPS files hold photo coordinates",
                 f"camera {name}",
                 later,
             )
         if cameras.distortion[k] != "none":
-            refuse(f"distortion {cameras.distortion[k]} has no place in the files", f"camera {name}", later)
+            problems.add(f"distortion {cameras.distortion[k]} has no place in the files", f"camera {name}", later)
     without = images.id[images.strip < 0]
     if len(without):
-        refuse(
+        problems.add(
             f"images without a strip: {shown(without)}", f"block {block.name}", "give them strips, or export as tables"
         )
     strange = _unwritable([*images.id, *block.points.id, *block.strips.id], images.id)
     if strange:
-        refuse(f"ids that WuCAPS files would read otherwise: {shown(strange)}", f"block {block.name}", "rename them")
+        what = f"ids that WuCAPS files would read otherwise: {shown(strange)}"
+        problems.add(what, f"block {block.name}", "rename them")
     odd = block.ground_points.point[~_has_form(block)]
     if len(odd):
         what = f"roles other than full, plan-only or height-only control or check: {shown(block.points.id[odd])}"
-        refuse(what, f"block {block.name}", "give each point one of these, or export as tables")
+        problems.add(what, f"block {block.name}", "give each point one of these, or export as tables")
     raise_all(problems)
 
 

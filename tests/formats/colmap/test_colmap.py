@@ -18,6 +18,7 @@ from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.tables.digest import content_digest
+from tests.formats.colmap.written_binary import write_binary
 from tests.formats.start_solution import start_solution
 from tests.made_solutions import made_block, made_solution
 from tests.reading import read_bal, read_colmap, read_dbat
@@ -126,7 +127,7 @@ def test_free_are_the_parameters_that_the_model_of_colmap_has(folder: Path) -> N
 def test_a_model_written_and_read_again_is_the_same_block(folder: Path, tmp_path: Path, binary: bool) -> None:
     first = read_colmap(folder)
     out = tmp_path / "out"
-    write_colmap_model(OrientedBlock(first, start_solution(first)), out, binary=binary)
+    (write_binary if binary else write_colmap_model)(OrientedBlock(first, start_solution(first)), out)
     assert len(list(out.iterdir())) == 3
     again = read_colmap(out)
     assert again.images.id.tolist() == first.images.id.tolist()
@@ -142,7 +143,9 @@ def test_text_and_binary_hold_the_same(shared_data: Path, tmp_path: Path) -> Non
     solution = start_solution(block)
     blocks = []
     for binary in (False, True):
-        write_colmap_model(OrientedBlock(block, solution), tmp_path / str(binary) / "model", binary=binary)
+        (write_binary if binary else write_colmap_model)(
+            OrientedBlock(block, solution), tmp_path / str(binary) / "model"
+        )
         blocks.append(read_colmap(tmp_path / str(binary) / "model"))
     assert content_digest(blocks[0]) == content_digest(blocks[1])
     assert [Path(p).suffix for p in blocks[1].files.path.tolist()] == [".bin"] * 3
@@ -170,7 +173,7 @@ def test_pycolmap_reads_what_is_written_with_equal_reprojection_errors(
 ) -> None:
     pycolmap = pytest.importorskip("pycolmap")
     block, solution = _models(shared_data)[name]
-    write_colmap_model(OrientedBlock(block, solution), tmp_path, binary=binary)
+    (write_binary if binary else write_colmap_model)(OrientedBlock(block, solution), tmp_path)
     model = pycolmap.Reconstruction(str(tmp_path))
     again = read_colmap(tmp_path)
     errors = _reprojection_px(again)
@@ -276,7 +279,7 @@ def test_a_malformed_line_is_named(folder: Path, name: str, old: str, new: str, 
 def test_a_binary_file_that_ends_early_is_named(folder: Path, tmp_path: Path) -> None:
     block = read_colmap(folder)
     out = tmp_path / "binary"
-    write_colmap_model(OrientedBlock(block, start_solution(block)), out, binary=True)
+    write_binary(OrientedBlock(block, start_solution(block)), out)
     (out / "images.bin").write_bytes((out / "images.bin").read_bytes()[:-5])
     with pytest.raises(AatriError, match=r"images.bin: ends at byte"):
         read_colmap(out)

@@ -142,12 +142,12 @@ def test_numbers_of_colmap_that_do_not_fit_are_refused(tmp_path: Path, name: str
 
 
 def test_a_track_longer_than_its_file_is_refused(tmp_path: Path) -> None:
-    from aatri.formats.colmap.writer import write_colmap_model
     from aatri.formats.results.oriented_block import OrientedBlock
+    from tests.formats.colmap.written_binary import write_binary
     from tests.formats.start_solution import start_solution
 
     block = read_colmap(colmap_model(tmp_path / "m"))
-    write_colmap_model(OrientedBlock(block, start_solution(block)), tmp_path / "b", binary=True)
+    write_binary(OrientedBlock(block, start_solution(block)), tmp_path / "b")
     path = tmp_path / "b" / "points3D.bin"
     data = path.read_bytes()
     path.write_bytes(data[: 8 + 43] + (2**62).to_bytes(8, "little") + data[8 + 51 :])

@@ -9,13 +9,13 @@ from pydantic import ValidationError
 
 from aatri.artifacts.block import CONTROL, OBSERVED_VALUE
 from aatri.errors import GeometryError
-from aatri.formats.colmap.writer import write_colmap_model
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.stages.block.bal import BalOptions, bal
 from aatri.stages.block.colmap import ColmapOptions, colmap
 from aatri.stages.block.dbat import DbatOptions, dbat
 from aatri.tables import hdf5
 from aatri.tables.digest import content_digest
+from tests.formats.colmap.written_binary import write_binary
 from tests.formats.start_solution import start_solution
 
 
@@ -38,7 +38,7 @@ def test_dbat_refuses_undetermined_points_unless_they_are_to_be_set_aside(shared
 def test_bal_and_colmap_blocks_survive_the_artifact_file(shared_data: Path, tmp_path: Path) -> None:
     first = bal(options=BalOptions(path=shared_data / "bal/problem-49-7776-pre.txt", image_sigma_px=2.0))
     assert (first.image_points.sigma_mm == 0.002).all()
-    write_colmap_model(OrientedBlock(first, start_solution(first)), tmp_path / "model", binary=True)
+    write_binary(OrientedBlock(first, start_solution(first)), tmp_path / "model")
     second = colmap(options=ColmapOptions(path=tmp_path / "model", position_sigma=0.1, calibrate=True))
     assert (second.exterior.position_use == OBSERVED_VALUE).all()
     for block in (first, second):
