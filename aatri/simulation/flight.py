@@ -18,20 +18,13 @@ turns its axes to the azimuth, Ry(-t) tilts the view there, k turns the image.
 - five heads: every station of the flight looks down, ahead, back, left and right.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from aatri.arrays import Float
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.simulation.settings import CameraOptions, FlightOptions
-
-if TYPE_CHECKING:
-    from aatri.simulation.settings import CameraOptions, FlightOptions
-
 
 TURN_S = 180.0
 """Time between the last exposure of a strip and the first of the next, s."""

@@ -154,9 +154,13 @@ class _View:
 
     def _pairs(self, n: int) -> tuple[Int, Int, Float, Float]:
         """Stations, targets, heights of both, and the lines between them."""
+        start, end, heights = self._pairs_raised(n)
+        return start, end, heights, self._line(start, end, heights)
+
+    def _pairs_raised(self, n: int) -> tuple[Int, Int, Float]:
+        """Stations, targets, and heights of both."""
         start, end = self._targets(n, 1)
-        heights = self._heights(n)
-        return start, end[:, 0], heights, self._line(start, end[:, 0], heights)
+        return start, end[:, 0], self._heights(n)
 
     def _line(self, start: Int, end: Int, heights: Float) -> Float:
         return line(
@@ -227,23 +231,17 @@ class _View:
         return [_of("zenith", "zenith", start, end, heights, zenith(away, k))]
 
     def height_differences(self, n: int) -> list[Sighted]:
-        start, end = self._targets(n, 1)
-        heights = self._heights(n)
-        up = self.local_m[end[:, 0], 2] + heights[:, 1] - self.local_m[start, 2] - heights[:, 0]
-        return [_of("height_difference", "height_difference", start, end[:, 0], heights, up)]
+        start, end, heights = self._pairs_raised(n)
+        up = self.local_m[end, 2] + heights[:, 1] - self.local_m[start, 2] - heights[:, 0]
+        return [_of("height_difference", "height_difference", start, end, heights, up)]
 
     def baselines(self, n: int) -> list[Sighted]:
-        start, end = self._targets(n, 1)
-        heights = self._heights(n)
-        ends = [
-            self.in_block(Place(self.local_m[rows], heights[:, k]).raised_m)
-            for k, rows in enumerate((start, end[:, 0]))
-        ]
-        apart = ends[1] - ends[0]
-        return [
-            _of(name, "coordinate_difference", start, end[:, 0], heights, apart[:, k])
-            for k, name in enumerate(("dX", "dY", "dZ"))
-        ]
+        start, end, heights = self._pairs_raised(n)
+        low, high = (
+            self.in_block(Place(self.local_m[rows], heights[:, k]).raised_m) for k, rows in enumerate((start, end))
+        )
+        axes = zip(("dX", "dY", "dZ"), (high - low).T)
+        return [_of(name, "coordinate_difference", start, end, heights, apart) for name, apart in axes]
 
 
 def _of(

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import doctest
+import importlib
 import re
 from pathlib import Path
 
 import pytest
+
+import aatri
 
 ROOT = Path(__file__).parents[2]
 INDEX = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
@@ -87,3 +91,18 @@ def test_the_method_table_has_every_row_of_the_inventory_once_and_names_tests_th
     assert len(rows) == len(set(rows)) == 151
     tests = re.findall(r"[a-z_]+(?:/[a-z_]+)*/test_\w+\.py", page)
     assert [path for path in tests if not (ROOT / "tests" / path).is_file()] == []
+
+
+# The examples in docstrings are what comes out.
+
+
+HOUSE = Path(aatri.__file__).parent
+MODULES = sorted(path for path in HOUSE.rglob("*.py") if ">>> " in path.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("path", MODULES, ids=[path.stem for path in MODULES])
+def test_examples_are_what_comes_out(path: Path) -> None:
+    name = ".".join(path.relative_to(HOUSE.parent).with_suffix("").parts)
+    outcome = doctest.testmod(importlib.import_module(name))
+    assert outcome.attempted > 0
+    assert outcome.failed == 0

@@ -20,8 +20,7 @@ from aatri.tables import hdf5
 from aatri.tables.schema import Artifact
 from tests.campaigns.hdf5_changes import changed_file
 from tests.contract.made_files import colmap_model
-from tests.formats.colmap.written_binary import write_binary
-from tests.formats.start_solution import start_solution
+from tests.formats.start_solution import start_solution, write_binary
 from tests.formats.tables.block_folder import write_folder
 from tests.reading import read_bal, read_block, read_colmap, read_dbat, read_gama, read_pairs, read_wucaps
 from tests.stages.film_blocks import flown

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
+import pytest
 from pyproj import Proj
 
+import aatri
 from aatri.report.sections.block import frame_tables
 from aatri.report.sections.observations import of_images, of_the_network
 from aatri.report.sections.solution import position_pictures
@@ -50,3 +57,19 @@ def test_positions_and_attitudes_are_listed_image_by_image_with_their_tests() ->
     assert plan.title == "Residuals of observed positions in plan"
     assert plan.caption.startswith(f"Adjusted minus observed, at {n} images")
     assert height.title == "Residuals of observed positions in height"
+
+
+# The report is written where a run fails, too: nothing is compiled before the error is told.
+
+
+ROOT = Path(aatri.__file__).parents[1]
+
+
+@pytest.mark.slow
+def test_the_page_imports_no_numba() -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, sys.path)])}
+    code = "import sys, aatri.report.page; print('numba' in sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "False"

@@ -20,9 +20,9 @@ from aatri.pipeline.store import run_folder as store
 from aatri.report.page import write_report
 from aatri.report.printing import write_pdf
 from tests.made_solutions import made_block
-from tests.report.test_network import adjusted_network
 from tests.report.test_page import STAGES, made_artifacts, make_run
 from tests.report.test_pictures import in_pixels
+from tests.report.test_vectors import adjusted_network
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")

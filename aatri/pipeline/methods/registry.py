@@ -13,6 +13,7 @@ import inspect
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -108,8 +109,8 @@ def find_stages(local: Path | None = None) -> Registry:
                 remedy="rename or remove one of them",
             )
     names = sorted(kept)
-    roles = {n: _role_loader(kept[n], names) for n in names if "/" not in n}
-    variants = {n: _variant_loader(kept[n]) for n in names if "/" in n}
+    roles = {n: partial(_loaded_role, kept[n], names) for n in names if "/" not in n}
+    variants = {n: partial(_loaded_variant, kept[n].origin) for n in names if "/" in n}
     return Registry(roles, variants, {n: kept[n].origin for n in names})
 
 
@@ -132,37 +133,30 @@ def contract(name: str, role: Role) -> str:
     return f"{name}({ports}) -> {role.kind.kind}"
 
 
-def _role_loader(declaration: Declaration, names: Iterable[str]) -> Callable[[], Role]:
-    def load() -> Role:
-        declared = getattr(_imported(declaration.origin), declaration.origin.attribute, None)
-        if not isinstance(declared, Role):
-            others = [n for n in names if "/" not in n and n != declaration.name]
-            raise PluginError(
-                f"declares no ROLE = Role(ports, kind){did_you_mean(declaration.name, others)}",
-                where=declaration.origin.where,
-                remedy="name the folder like the role its variants belong to, or declare a new role",
-            )
-        return declared
-
-    return load
+def _loaded_role(declaration: Declaration, names: Iterable[str]) -> Role:
+    declared = getattr(_imported(declaration.origin), declaration.origin.attribute, None)
+    if not isinstance(declared, Role):
+        others = [n for n in names if "/" not in n and n != declaration.name]
+        raise PluginError(
+            f"declares no ROLE = Role(ports, kind){did_you_mean(declaration.name, others)}",
+            where=declaration.origin.where,
+            remedy="name the folder like the role its variants belong to, or declare a new role",
+        )
+    return declared
 
 
-def _variant_loader(declaration: Declaration) -> Callable[[], Callable[..., Any]]:
-    def load() -> Callable[..., Any]:
-        function_name = declaration.origin.attribute
-        module = _imported(declaration.origin)
-        function: Callable[..., Any] | None = getattr(module, function_name, None)
-        if not inspect.isroutine(function):
-            stages = [n for n, v in vars(module).items() if hasattr(v, "__aatri_version__")]
-            has = f"; it has {', '.join(stages)}" if stages else ""
-            raise PluginError(
-                f"has no function {function_name}{has}",
-                where=declaration.origin.where,
-                remedy="the stage function is named like its file",
-            )
-        return function
-
-    return load
+def _loaded_variant(origin: Origin) -> Callable[..., Any]:
+    module = _imported(origin)
+    function: Callable[..., Any] | None = getattr(module, origin.attribute, None)
+    if not inspect.isroutine(function):
+        stages = [n for n, v in vars(module).items() if hasattr(v, "__aatri_version__")]
+        has = f"; it has {', '.join(stages)}" if stages else ""
+        raise PluginError(
+            f"has no function {origin.attribute}{has}",
+            where=origin.where,
+            remedy="the stage function is named like its file",
+        )
+    return function
 
 
 def _imported(origin: Origin) -> Any:

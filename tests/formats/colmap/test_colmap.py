@@ -18,8 +18,7 @@ from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.tables.digest import content_digest
-from tests.formats.colmap.written_binary import write_binary
-from tests.formats.start_solution import start_solution
+from tests.formats.start_solution import start_solution, write_binary
 from tests.made_solutions import made_block, made_solution
 from tests.reading import read_bal, read_colmap, read_dbat
 

@@ -143,8 +143,7 @@ def test_numbers_of_colmap_that_do_not_fit_are_refused(tmp_path: Path, name: str
 
 def test_a_track_longer_than_its_file_is_refused(tmp_path: Path) -> None:
     from aatri.formats.results.oriented_block import OrientedBlock
-    from tests.formats.colmap.written_binary import write_binary
-    from tests.formats.start_solution import start_solution
+    from tests.formats.start_solution import start_solution, write_binary
 
     block = read_colmap(colmap_model(tmp_path / "m"))
     write_binary(OrientedBlock(block, start_solution(block)), tmp_path / "b")

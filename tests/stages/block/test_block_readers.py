@@ -15,8 +15,7 @@ from aatri.stages.block.colmap import ColmapOptions, colmap
 from aatri.stages.block.dbat import DbatOptions, dbat
 from aatri.tables import hdf5
 from aatri.tables.digest import content_digest
-from tests.formats.colmap.written_binary import write_binary
-from tests.formats.start_solution import start_solution
+from tests.formats.start_solution import start_solution, write_binary
 
 
 def test_dbat_refuses_undetermined_points_unless_they_are_to_be_set_aside(shared_data: Path) -> None:
