@@ -9,9 +9,7 @@ from aatri.arrays import Bool, Float
 from aatri.frames.conversion import Frame
 from aatri.frames.crs_text import crs_from
 from aatri.frames.heights import is_tangent_frame
-
-OUTSIDE_DEG = 5.0
-"""A block this far outside of where its CRS is used is not there."""
+from aatri.frames.limits import OUTSIDE_DEG
 
 GEOCENTRIC = ("x", "y", "z")
 GEOGRAPHIC = ("latitude", "longitude", "height")

@@ -4,9 +4,7 @@ On a sphere (planets, moons), where PROJ has no UTM, it is the transverse Mercat
 """
 
 from aatri.frames.conversion import Frame, crs_of
-
-SURE = 60
-"""Confidence in per cent from which on a code of the EPSG is taken for the map."""
+from aatri.frames.limits import SURE_CONFIDENCE
 
 
 def utm_of(frame: Frame, latitude_deg: float, longitude_deg: float) -> Frame:
@@ -33,7 +31,7 @@ def utm_of(frame: Frame, latitude_deg: float, longitude_deg: float) -> Frame:
         else UTMConversion(str(zone), half)
     )
     made = ProjectedCRS(conversion=conversion, name=name, geodetic_crs=datum)
-    code = made.to_authority(min_confidence=SURE)
+    code = made.to_authority(min_confidence=SURE_CONFIDENCE)
     return Frame(
         f"utm{zone}{half.lower()}", ("east", "north", "up"), ":".join(code) if code else made.to_wkt(), frame.vertical
     )

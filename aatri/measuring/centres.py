@@ -11,13 +11,10 @@ import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 
 from aatri.arrays import Float
+from aatri.measuring.limits import ALIKE_HALVES, ONE_DIRECTION
 
 BORDER = 3
 """Pixels beyond what is compared, for splines and their derivatives."""
-ALIKE = 0.8
-"""Smallest correlation of the two halves of a mark, that of `fiducial_marks/template` with its template."""
-ONE_DIRECTION = 0.02
-"""Share of the trace of the normal matrix below which its smaller eigenvalue belongs to an edge; 0.5 of a dot."""
 SETTLED_PX, MOST_STEPS = 1e-3, 20
 HALVES = 2.0
 """Every pair of pixels is compared twice, so that the cofactors are half too small."""
@@ -56,7 +53,7 @@ def centre_of_symmetry(picture: Float, start_px: Float, radius_px: int) -> tuple
         step = -np.linalg.solve(N, (w * v) @ J)
         p = p + step
         if np.hypot(*step) < SETTLED_PX:
-            if _correlation(one[0], other[0], w) < ALIKE:
+            if _correlation(one[0], other[0], w) < ALIKE_HALVES:
                 return None
             variance = HALVES * (w * v) @ v / w.sum()
             return p, np.sqrt(variance * np.diag(np.linalg.inv(N)))

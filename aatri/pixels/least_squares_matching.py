@@ -36,6 +36,7 @@ from scipy.ndimage import map_coordinates, spline_filter
 
 from aatri.arrays import Float, Int
 from aatri.artifacts.features import FoundMarks, ScanMarks
+from aatri.pixels.limits import FAINTEST, LARGEST_CHANGE
 from aatri.pixels.reading import Grey, check_content, grey_image
 
 ALIKE_PX = 2
@@ -48,8 +49,6 @@ E f_xx f_yy = E f_xy^2 = k and half a side of 1, the centre lies off the mean by
 SETTLED_PX = 1e-3
 STEP_PX = 1e-3
 """Of the gradients of the resampled window."""
-FAINTEST, LARGEST_CHANGE = 1e-3, 0.5
-"""Contrast of the window by that of the template, of its whole range, and change of A, beyond which nothing matches."""
 Model = Literal["similarity", "affine"]
 
 AROUND = 2

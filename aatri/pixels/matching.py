@@ -12,17 +12,15 @@ from scipy.spatial import KDTree
 
 from aatri.arrays import Float, Int
 from aatri.artifacts.features import Features, Keypoints, MatchedKeypoints, Matches
+from aatri.pixels.limits import COARSE_MATCHES, NEXT_RATIO
 
-RATIO = 0.8
 ROWS = 256
 """Rows of the matrix of likenesses that are looked at while they are in the processor's cache."""
 COARSE = 500
 """Largest features of each image that find pairs."""
-COARSE_MATCHES = 12
-"""Matches of them that make two images a pair; by chance 5 were met."""
 
 
-def matches_of(left: Features, right: Features, ratio: float = RATIO) -> Matches:
+def matches_of(left: Features, right: Features, ratio: float = NEXT_RATIO) -> Matches:
     """Matches of two images."""
     rows = matched(rooted(left.keypoints), rooted(right.keypoints), ratio)
     return Matches(pairs=MatchedKeypoints(left=rows[:, 0], right=rows[:, 1]))
@@ -34,7 +32,7 @@ def rooted(keypoints: Keypoints) -> Float:
     return np.asarray(np.sqrt(histogram / np.maximum(histogram.sum(axis=1, keepdims=True), 1e-9)))
 
 
-def matched(left: Float, right: Float, ratio: float = RATIO) -> Int:
+def matched(left: Float, right: Float, ratio: float = NEXT_RATIO) -> Int:
     """Rows (m, 2) of descriptors that match.
 
     Parameters

@@ -13,13 +13,9 @@ import numpy as np
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.features import FoundMarks, ScanMarks
 from aatri.pixels.drawn_marks import drawn
+from aatri.pixels.limits import ALIKE_MM, FEWEST_MARKS
 from aatri.pixels.mark_search import best_place
 from aatri.pixels.reading import TIFF, Samples, check_content, size_px, whole_image, window
-
-FEWEST = 3
-"""Marks of a transformation with redundancy."""
-ALIKE_MM = 0.01
-"""Difference of residuals that says nothing of which way the film lay."""
 
 
 def scan_marks(path: str, picture: str, content: str, settings: str) -> ScanMarks:
@@ -130,14 +126,14 @@ def fitting_ways(marks_mm: Float, scan_mm: Float, like: Bool, limit_mm: float) -
     """
     fits = [_fit(way @ marks_mm.T, xy, ok, limit_mm) for way, xy, ok in zip(ways_of_scanning(), scan_mm, like)]
     used, rms = np.array([fit[0] for fit in fits]), np.array([fit[1] for fit in fits])
-    most = used.sum(axis=1) == max(FEWEST, used.sum(axis=1).max())
+    most = used.sum(axis=1) == max(FEWEST_MARKS, used.sum(axis=1).max())
     return used, np.flatnonzero(most & (rms <= rms[most].min(initial=np.inf) + ALIKE_MM))
 
 
 def _fit(film_mm: Float, scan_mm: Float, like: Bool, limit_mm: float) -> tuple[Bool, float]:
     """Marks that fit a similarity without mirroring, the worst left out one by one, and the RMS of their residuals."""
     film, scan, used = film_mm[0] + 1j * film_mm[1], scan_mm[:, 0] + 1j * scan_mm[:, 1], like.copy()
-    while used.sum() >= FEWEST:
+    while used.sum() >= FEWEST_MARKS:
         A = np.column_stack([film[used], np.ones(used.sum())])
         x = np.linalg.lstsq(A, scan[used], rcond=None)[0]
         residual = np.abs(A @ x - scan[used])

@@ -16,7 +16,8 @@ from aatri.checks.limits import FEWEST_CELLS
 from aatri.errors import InputError
 from aatri.formats.text.text_line import word_lines
 from aatri.ids import several, shown
-from aatri.pixels.matching import RATIO, all_pairs, coarse_pairs, consecutive_pairs, largest, near_pairs
+from aatri.pixels.limits import NEXT_RATIO
+from aatri.pixels.matching import all_pairs, coarse_pairs, consecutive_pairs, largest, near_pairs
 from aatri.plugin import Context, Field, InputPath, Options
 from aatri.progress import Item, Kept
 
@@ -39,7 +40,7 @@ class FeatureOptions(CheckOptions):
     """Options of features that are found in the pixels."""
 
     most: int = Field(4000, ge=100, description="features of an image at most")
-    ratio: float = Field(RATIO, gt=0, lt=1, description="largest ratio of the distance of a match to the second")
+    ratio: float = Field(NEXT_RATIO, gt=0, lt=1, description="largest ratio of the distance of a match to the second")
     pairs: Literal["auto", "positions", "strips", "coarse", "all"] = Field(
         "auto",
         description="which images are matched: near each other, in strips, by their largest features, all; auto: "

@@ -185,7 +185,6 @@ _OF_CHANCE = re.compile(r"probability|by chance|false alarm|chi-square|of normal
 _NO_TESTS = {
     "aatri/measuring/session.py: SHOWN_SIGMAS": "the size of a drawn ellipse",
     "aatri/formats/tables/ground.py: SAME_PLACE_SIGMAS": "readers use no method",
-    "aatri/pixels/matching.py: COARSE_MATCHES": "a count of matches",
 }
 """Numbers that speak of chance and are no limits of tests of an adjustment, with the reason."""
 

@@ -27,7 +27,8 @@ def points_off_the_terrain(inputs: BundleInput, result: BundleResult) -> list[Fi
     xyz = np.where(result.point_adjusted[:, None], result.xyz_m, np.nan)
     height = float(np.nanmedian(result.poses.position_m[:, 2]) - np.nanmedian(xyz[:, 2]))
     variance = np.maximum(np.nan_to_num(result.point_covariance_m2[:, 2, 2]), 0.0)
-    off = off_terrain(xyz, np.sqrt(variance), rays, height)
+    downwards = float(np.median(result.poses.ground_from_image[result.image_adjusted, 2, 2]))
+    off = off_terrain(xyz, np.sqrt(variance), rays, height, downwards)
     if not len(off.row):
         return []
     order = np.argsort(-off.test)

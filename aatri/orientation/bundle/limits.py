@@ -46,6 +46,10 @@ LONGER_EDGE, FAR_FROM_TERRAIN, BEYOND_TERRAIN = 1.5, 0.2, 0.5
 """Times the largest test of points with three rays: these, with breaklines and houses among them, show how long the
 tails are. Shares of the flying height by which points with three rays, and points that no others surround, are off."""
 
+LEAST_DOWNWARDS = 0.5
+"""Cosine between the axes of images and the nadir below which they see no terrain but walls: oblique flights have
+0.7."""
+
 SURROUNDED = 0.5
 """Cofactor of the height of a plane above which a point lies outside of its neighbours; of 12 around it it is 0.08."""
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from aatri.adjustment.statistics.limits import ALARM, limit_of_tests
 from aatri.arrays import Float, Int, finite_rows
-from aatri.orientation.bundle.limits import BEYOND_TERRAIN, FAR_FROM_TERRAIN, LONGER_EDGE, SURROUNDED
+from aatri.orientation.bundle.limits import BEYOND_TERRAIN, FAR_FROM_TERRAIN, LEAST_DOWNWARDS, LONGER_EDGE, SURROUNDED
 
 NEIGHBOURS, FEWEST, ITERATIONS = 12, 30, 5
 """Neighbours of a point; points with three rays below which there is no terrain; rounds until the plane has settled."""
@@ -46,7 +46,7 @@ class OffTerrain:
     limit: float
 
 
-def off_terrain(xyz_m: Float, sigma_m: Float, rays: Int, flying_height_m: float) -> OffTerrain:
+def off_terrain(xyz_m: Float, sigma_m: Float, rays: Int, flying_height_m: float, downwards: float = 1.0) -> OffTerrain:
     """Find points that lie off the terrain around them.
 
     Parameters
@@ -58,12 +58,14 @@ def off_terrain(xyz_m: Float, sigma_m: Float, rays: Int, flying_height_m: float)
     rays : (n,) int
         Of each point.
     flying_height_m : float, m
+    downwards : float
+        Of the images, in the median: cosine between their axes and the nadir. Who looks along the ground sees walls.
     """
     from scipy.spatial import cKDTree
 
     ground = np.flatnonzero(finite_rows(xyz_m) & (rays >= 2))
     firm, weak = ground[rays[ground] > 2], ground[rays[ground] == 2]
-    if len(firm) < FEWEST:
+    if len(firm) < FEWEST or downwards < LEAST_DOWNWARDS:
         return OffTerrain(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.inf)
     tree = cKDTree(xyz_m[ground, :2])
     tested = np.concatenate([firm[:: max(1, len(firm) // MOST)], weak])

@@ -80,3 +80,12 @@ def test_a_point_of_two_rays_outside_of_the_block_is_told_far_beyond_all_others(
     assert not len(off_terrain(xyz, np.full(len(xyz), 5.0), rays, 5.0).row)  # around an object, not above it
     xyz[9, 2] = -2e5  # all but parallel rays, as uncertain as far away
     assert not len(off_terrain(xyz, np.where(np.arange(len(xyz)) == 9, 1e5, 5.0), rays, 1000.0).row)
+
+
+def test_what_images_see_from_the_side_is_held_against_no_terrain() -> None:
+    """A wall, a column: its points stand above each other, and one alone there is no error."""
+    xyz, rays = _terrain("hills", np.random.default_rng(4))
+    xyz[7, 2], rays[7] = 80.0, 2
+    sigma_m = np.full(len(xyz), 0.005)
+    assert off_terrain(xyz, sigma_m, rays, 1000.0, downwards=0.7).row.tolist() == [7]
+    assert not len(off_terrain(xyz, sigma_m, rays, 1000.0, downwards=0.1).row)
