@@ -16,10 +16,10 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.errors import AatriError, InputError
 from aatri.ids import canonical, clipped
+from aatri.measuring.centres import place_of_mark
 from aatri.measuring.measured_folder import CORNER_PX, MeasuredFolder
 from aatri.measuring.measured_table import MeasuredRow, RowChange
 from aatri.measuring.orientation import Click, PlaceInImage, RunOrientation
-from aatri.measuring.place_of_mark import place_of_mark
 from aatri.measuring.run_of_folder import orientation_of, runs_near, stamp_of
 from aatri.measuring.tiled_picture import OpenPictures
 

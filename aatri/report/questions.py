@@ -8,8 +8,13 @@ from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
 from aatri.errors import SpecError
 from aatri.ids import did_you_mean
-from aatri.report.drawing.charts import groups_chart, iterations_chart, redundancy_chart, sigma0_chart
-from aatri.report.drawing.matrices import correlation_pictures
+from aatri.report.drawing.charts import (
+    correlation_pictures,
+    groups_chart,
+    iterations_chart,
+    redundancy_chart,
+    sigma0_chart,
+)
 from aatri.report.drawing.network import ellipses_picture, network_picture
 from aatri.report.drawing.picture import Picture
 from aatri.report.drawing.plan import block_plan

@@ -12,7 +12,7 @@ Source: Lowe 2004, IJCV 60, 91; Schoenberger & Frahm, CVPR 2016.
 """
 
 from aatri.artifacts.block import Block
-from aatri.pixels.colmap_features import features_by_colmap, matches_of_roots
+from aatri.pixels.features import features_by_colmap, matches_of_roots
 from aatri.plugin import SILENT, Context, stage
 
 from ._features import FeatureOptions, with_features

@@ -10,7 +10,7 @@ import pytest
 
 from aatri.artifacts.solution import ParameterCovariances, Parameters
 from aatri.cli.run_ending import say_parameters
-from aatri.formats.results.parameter_units import parameter_units
+from aatri.formats.results.column_names import parameter_units
 from aatri.observations.relative.lines import HORIZONTAL, LINE, PLUMB
 from aatri.observations.relative.planes import PLANE_SHAPE, VERTICAL
 from aatri.observations.relative.round_shapes import CYLINDER, SPHERE

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from aatri.cli.main import app
-from aatri.measuring.place_of_mark import place_of_mark
+from aatri.measuring.centres import place_of_mark
 from aatri.measuring.session import Session
 from tests.measuring.made_folder import made_folder
 

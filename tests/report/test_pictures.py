@@ -16,7 +16,7 @@ from aatri.artifacts.block import Block
 from aatri.artifacts.solution import ParameterCovariances, Parameters, Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.checks.limits import FEWEST_CELLS
-from aatri.report.drawing.matrices import correlation_pictures
+from aatri.report.drawing.charts import correlation_pictures
 from aatri.report.drawing.overlays import FEW
 from aatri.report.drawing.picture import Marks, Picture
 from aatri.report.drawing.plan import block_plan, footprints, seen_from

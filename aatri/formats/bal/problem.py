@@ -32,8 +32,8 @@ from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PIXEL_MM
 from aatri.formats.conventions.poses import stated_rotation, translation_of
 from aatri.formats.parts.format import AS_USUAL, Writing
+from aatri.formats.results.horizon import centred_cameras
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.formats.results.sparse_rays import centred_cameras
 from aatri.formats.text.number_text import numbers_of
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import blank_separated

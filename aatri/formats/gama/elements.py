@@ -2,14 +2,16 @@
 
 Lengths are in m, angles in gon, or degrees where they are written d-m-s; standard deviations in mm and cc (0.1 mgon),
 or seconds of arc for angles in degrees. Source: GNU Gama manual, chapter Input data format for gama-local.
+
+A network of gama-local as it is read: points, scalar observations, covariances.
 """
 
 import math
 import re
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from aatri.errors import InputError
-from aatri.formats.gama.network import GivenPoint, Network, Row
 from aatri.formats.text.number_text import rad_from_dms
 from aatri.formats.text.text_line import blank_separated
 from aatri.formats.text.xml_tree import XmlElement, read_xml
@@ -25,8 +27,42 @@ LENGTHS, ANGLES = ("distance", "s-distance", "dh"), ("direction", "angle", "z-an
 CC_RAD, SECOND_RAD, MM = 1e-4 * ANGLE_RAD["gon"], ANGLE_RAD["arcsec"], 1e-3
 
 
-class NetworkFile:
-    """A file being read, and its network.
+@dataclass(frozen=True)
+class Row:
+    """One scalar observation: type of geodetic.csv, ends, value and standard deviation in m or rad, unit of it."""
+
+    type: str
+    start: str
+    end: str
+    value: float
+    sigma: float
+    unit: float
+    line: int
+    via: str = ""
+    set: str = ""
+    start_height_m: float = math.nan
+    end_height_m: float = math.nan
+
+
+@dataclass(frozen=True)
+class GivenPoint:
+    """A point as it stands: its coordinates by letter, what is fixed, adjusted, and carries the datum."""
+
+    id: str
+    xyz: dict[str, float]
+    fixed: str
+    adjusted: str
+    line: int
+
+    @property
+    def datum(self) -> str:
+        """Coordinates on which the datum of a free network rests: those in capitals."""
+        return "".join(c.lower() for c in self.adjusted if c.isupper())
+
+
+@dataclass
+class Network:
+    """The network of a file: points, observations, covariances between rows, observed coordinates.
 
     Raises
     ------
@@ -34,14 +70,25 @@ class NetworkFile:
         If the file is no gama-local input, or has what is not supported; the message names line and element.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path, self.network = path, Network()
-        self.stdev: dict[str, list[float]] = {}
-        self.sets = 0
+    path: Path
+    axes: str = "ne"
+    clockwise: bool = True
+    sigma_apr: float = 10.0
+    description: str = ""
+    points: list[GivenPoint] = field(default_factory=list)
+    rows: list[Row] = field(default_factory=list)
+    covariances: list[tuple[int, int, float]] = field(default_factory=list)
+    coordinates: list[tuple[str, str, float]] = field(default_factory=list)
+    coordinate_covariance: list[tuple[int, int, float]] = field(default_factory=list)
+    stdev: dict[str, list[float]] = field(default_factory=dict)
+    """By the names of the attributes that state them for all observations of a type."""
+    sets: int = 0
+
+    def __post_init__(self) -> None:
         root = read_xml(self.path, ("gama-local",), "an input file of gama-local")
         for network in self._children(root, ("network",)):
-            self.network.axes = network.get("axes-xy", "ne")
-            self.network.clockwise = network.get("angles", "left-handed") == "left-handed"
+            self.axes = network.get("axes-xy", "ne")
+            self.clockwise = network.get("angles", "left-handed") == "left-handed"
             self._attributes(network, ("axes-xy", "angles"))
             for part in self._children(network, ("description", "parameters", "points-observations")):
                 {
@@ -51,11 +98,11 @@ class NetworkFile:
                 }[part.tag](part)
 
     def _description(self, part: XmlElement) -> None:
-        self.network.description = " ".join(part.text.split())
+        self.description = " ".join(part.text.split())
 
     def _parameters(self, part: XmlElement) -> None:
         self._attributes(part, ("sigma-apr", "angular"))
-        self.network.sigma_apr = self._number(part, "sigma-apr", 10.0)
+        self.sigma_apr = self._number(part, "sigma-apr", 10.0)
         for name in ("latitude", "ellipsoid"):
             if part.get(name):
                 raise part.error(f"{name}={part.get(name)!r} is not supported", "remove it: the frame is a local one")
@@ -86,27 +133,27 @@ class NetworkFile:
                 f"point {e.get('id')!r} carries the datum in {', '.join(sorted(datum))} only",
                 "a point carries the datum in all its coordinates, or in none",
             )
-        self.network.points.append(GivenPoint(self._text(e, "id"), xyz, fixed, adjusted, e.line))
+        self.points.append(GivenPoint(self._text(e, "id"), xyz, fixed, adjusted, e.line))
 
     def _coordinates(self, e: XmlElement) -> None:
         """Observed coordinates: points with a covariance matrix over all of them."""
-        first = len(self.network.coordinates)
+        first = len(self.coordinates)
         if not any(child.tag == "cov-mat" for child in e.children):
             raise e.error("coordinates have no cov-mat", "give it, or of exact coordinates fix='xy'")
         for child in self._children(e, ("point", "cov-mat")):
             if child.tag == "point":
                 self._point(child)
-                point = self.network.points[-1]
-                self.network.coordinates += [(point.id, axis, point.xyz[axis]) for axis in "xyz" if axis in point.xyz]
+                point = self.points[-1]
+                self.coordinates += [(point.id, axis, point.xyz[axis]) for axis in "xyz" if axis in point.xyz]
             else:
-                for i, j, value in self._matrix(child, len(self.network.coordinates) - first):
-                    self.network.coordinate_covariance.append((first + i, first + j, value * MM**2))
+                for i, j, value in self._matrix(child, len(self.coordinates) - first):
+                    self.coordinate_covariance.append((first + i, first + j, value * MM**2))
 
     def _cluster(self, e: XmlElement, tag: str) -> None:
         inside = {"obs": (*LENGTHS, *ANGLES), "height-differences": ("dh",), "vectors": ("vec",)}[tag]
         self._attributes(e, ("from", "from_dh", "orientation"))
         self.sets += 1
-        first = len(self.network.rows)
+        first = len(self.rows)
         matrix = None
         for child in self._children(e, (*inside, "cov-mat")):
             if child.tag == "cov-mat":
@@ -114,11 +161,11 @@ class NetworkFile:
             elif child.tag == "vec":
                 self._vector(child)
             else:
-                self.network.rows.append(self._row(child, e))
-        rows = self.network.rows[first:]
+                self.rows.append(self._row(child, e))
+        rows = self.rows[first:]
         if matrix is not None:
             for i, j, value in self._matrix(matrix, len(rows)):
-                self.network.covariances.append((first + i, first + j, value * rows[i].unit * rows[j].unit))
+                self.covariances.append((first + i, first + j, value * rows[i].unit * rows[j].unit))
         for k, row in enumerate(rows if matrix is None else ()):
             if not 0 < row.sigma < math.inf:
                 what = f"observation {k + 1} of the cluster has {'no' if row.sigma == 0 else 'an impossible'} stdev"
@@ -136,7 +183,7 @@ class NetworkFile:
         )
         if tag in ANGLES:
             value, unit = self._angle(e)
-            if tag != "z-angle" and not self.network.clockwise:
+            if tag != "z-angle" and not self.clockwise:
                 value = -value
             value = value % (2 * math.pi)
         else:
@@ -161,7 +208,7 @@ class NetworkFile:
         heights = self._number(e, "from_dh", math.nan), self._number(e, "to_dh", math.nan)
         for axis in "xyz":
             ends, value = (self._text(e, "from"), self._text(e, "to")), self._number(e, f"d{axis}")
-            self.network.rows.append(Row(f"d{axis}", *ends, value, 0.0, MM, e.line, "", "", *heights))
+            self.rows.append(Row(f"d{axis}", *ends, value, 0.0, MM, e.line, "", "", *heights))
 
     def _sigma(self, e: XmlElement, tag: str, unit: float, value: float) -> float:
         """Standard deviation of an observation, or that of its type: `a b c` is a + b D^c, D in km; 0: none.
@@ -171,7 +218,7 @@ class NetworkFile:
         if "stdev" in e.attributes:
             return self._number(e, "stdev") * unit
         if tag == "dh" and "dist" in e.attributes:
-            return self.network.sigma_apr * math.sqrt(max(self._number(e, "dist"), 0.0)) * unit
+            return self.sigma_apr * math.sqrt(max(self._number(e, "dist"), 0.0)) * unit
         name = {"s-distance": "distance", "z-angle": "zenith-angle"}.get(tag, tag)
         stdev = self.stdev.get(f"{name}-stdev", ())
         if not stdev:

@@ -14,8 +14,7 @@ import numpy as np
 from aatri.artifacts.block import APPROXIMATE, CONTROL, NO_ROLE, Block, Frames
 from aatri.artifacts.builder import Columns, block_of
 from aatri.errors import InputError
-from aatri.formats.gama.elements import NetworkFile
-from aatri.formats.gama.network import GivenPoint, Network, Row
+from aatri.formats.gama.elements import GivenPoint, Network, Row
 from aatri.ids import canonical, clipped, shown
 from aatri.progress import SILENT, Reporter
 
@@ -30,7 +29,7 @@ AXES = {"e": (0, 1.0), "w": (0, -1.0), "n": (1, 1.0), "s": (1, -1.0), "u": (2, 1
 
 def read_gama(path: Path, reporter: Reporter = SILENT) -> Block:
     """Read a network."""
-    network = NetworkFile(path).network
+    network = Network(path)
     axes = _axes(network.axes, path)
     points = _points(network, path)
     points |= _without_element(network.rows, points, path, reporter)

@@ -11,9 +11,9 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.errors import InputError
-from aatri.formats.gis.layers import layers_of
+from aatri.formats.gis.layers import CARRIES, PAGE, layers_of
 from aatri.formats.parts.block_parts import LOCAL
-from aatri.formats.parts.format import AS_USUAL, Writing
+from aatri.formats.parts.format import AS_USUAL, Format, Writing
 from aatri.formats.parts.of_block import frame_of
 from aatri.formats.parts.one_frame import geographic
 from aatri.formats.results.oriented_block import OrientedBlock
@@ -71,3 +71,15 @@ def _coordinates(geometry: str, shape: Float) -> Any:
     if geometry == "Point":
         return vertices[0]
     return [vertices[::-1] if clockwise else vertices] if geometry == "Polygon" else vertices
+
+
+GEOJSON = Format(
+    "geojson",
+    "GeoJSON",
+    lambda _: "",
+    "layers of images, footprints, strips, points, control, in longitude and latitude",
+    carries=CARRIES,
+    page=PAGE,
+    write=write_geojson,
+    written=CARRIES,
+)

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from aatri.arrays import Float
-from aatri.formats.gis.layers import Layer, layers_of
+from aatri.formats.gis.layers import CARRIES, PAGE, Layer, layers_of
 from aatri.formats.parts.block_parts import LOCAL
-from aatri.formats.parts.format import AS_USUAL, Writing
+from aatri.formats.parts.format import AS_USUAL, Format, Writing
 from aatri.formats.parts.of_block import frame_of
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.text.written_files import element, write_files, xml_of
@@ -188,3 +188,15 @@ def style_of(layer: str) -> str:
         labelsEnabled="1" if symbol.label else "0",
     )
     return xml_of(root)
+
+
+GEOPACKAGE = Format(
+    "geopackage",
+    "GeoPackage with styles for QGIS",
+    lambda _: "",
+    "layers of images, footprints, strips, points, control",
+    carries=CARRIES,
+    page=PAGE,
+    write=write_geopackage,
+    written=CARRIES,
+)

@@ -16,10 +16,16 @@ from typing import Any
 import numpy as np
 
 from aatri.arrays import Float
+from aatri.formats.parts.format import Content
 from aatri.formats.results.column_names import angle_sigmas_deg, standard_deviations
 from aatri.formats.results.exported_files import control_points
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.geometry.rotations import angles_from_rotation
+
+PAGE = "docs/formats.md#geopackage-and-geojson"
+CARRIES: tuple[Content, ...] = ("control", "check points", "start values of points", "start orientations", "strips",
+                                "frame", "standard deviations")  # fmt: skip
+"""What the layers have of a block."""
 
 PER_SIDE = 8
 """Points of a footprint along a side: a distorted side is no line."""

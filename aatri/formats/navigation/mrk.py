@@ -18,7 +18,7 @@ import numpy as np
 
 from aatri.codes import OBSERVED_VALUE
 from aatri.formats.parts.block_parts import BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading
 from aatri.formats.text.text_line import TextLine, check_positive, places, word_lines
 from aatri.frames.conversion import Frame
 from aatri.ids import several, shown
@@ -93,3 +93,21 @@ def _names(path: Path, numbers: list[str]) -> tuple[list[str], list[str]]:
         f"{several(len(without), 'exposure', 'is', 'are')} called by number: no one image beside "
         f"{path.name} ends with it"
     ]
+
+
+_MRK = re.compile(r"\s*[0-9]+\s+[0-9.]+\s+\[[0-9]+\]\s.*,\s*Lat\s.*,\s*Lon\s.*,\s*Ellh\s.*,\s*Q\s*$")
+
+
+def _mrk(view: FileView) -> str:
+    return "lines with Lat, Lon, Ellh, Q" if view.lines and all(map(_MRK.match, view.lines[:5])) else ""
+
+
+MRK = Format(
+    "dji_mrk",
+    "DJI MRK",
+    _mrk,
+    "lines `number seconds [week] ... lat,Lat lon,Lon h,Ellh ...`",
+    carries=("positions", "standard deviations", "frame"),
+    page="docs/formats.md#dji-mrk",
+    read=read_mrk,
+)

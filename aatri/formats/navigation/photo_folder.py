@@ -14,6 +14,7 @@ Source: docs/formats.md, photographs.
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +24,9 @@ from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PIXEL_MM
 from aatri.formats.navigation.photograph import ENDINGS, WITHOUT_EXIF, Photograph, read_photograph
-from aatri.formats.navigation.xmp import drone_numbers, drone_packet, of_gimbal
+from aatri.formats.navigation.xmp import SOME, drone_numbers, drone_packet, files_with, of_gimbal
 from aatri.formats.parts.block_parts import BlockParts
+from aatri.formats.parts.format import FileView, Format
 from aatri.formats.text.text_file import missing
 from aatri.frames.conversion import WGS84
 from aatri.ids import several, shown
@@ -250,3 +252,22 @@ def _tell(notes: list[str], names: Sequence[str], which: Bool, what: str) -> Non
             f"{int(which.sum())} of {len(names)} photographs {what}: "
             f"{shown(names[k] for k in np.flatnonzero(which).tolist())}"
         )
+
+
+def _exif(view: FileView) -> str:
+    """A folder with JPEG files of a camera; TIFF files may be grids."""
+    names = [name for name in view.names if view.is_folder and name.lower().endswith((".jpg", ".jpeg"))][:SOME]
+    return next((f"{name}, EXIF" for name in names if "Exif\0\0" in view.of(name).head[:64]), "")
+
+
+PHOTOS = Format(
+    "photos",
+    "photographs (EXIF, XMP)",
+    _exif,
+    "a folder of photographs, JPEG with EXIF",
+    carries=("cameras", "distortion", "positions", "attitudes", "times", "frame", "standard deviations"),
+    page="docs/methods/tie_points.md#photographs",
+    read=lambda path, _, reporter: read_photographs(path, reporter=reporter),
+    stage="block/photos",
+    files_of=partial(files_with, ENDINGS),
+)

@@ -18,6 +18,7 @@ Source: DJI, manuals of Zenmuse P1 and Mavic 3M; Adobe, XMP specification part 3
 """
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.names import without_extension
 from aatri.formats.parts.block_parts import BlockParts
-from aatri.formats.parts.format import AS_IT_SAYS, Reading
+from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading
 from aatri.formats.text.text_file import missing
 from aatri.formats.text.xml_tree import XmlElement, decoded_xml, read_xml
 from aatri.frames.conversion import WGS84
@@ -180,3 +181,33 @@ def _names(files: Sequence[Path]) -> list[str]:
             what = f"the image {without_extension(name)} has a packet in {before.name} too"
             raise InputError(what, where=str(path), remedy="keep one of them")
     return names
+
+
+SOME = 5
+"""So many photographs of a folder are looked at."""
+
+
+def _xmp(view: FileView) -> str:
+    if not view.is_folder:
+        is_one = view.path.suffix.lower() in PHOTOGRAPHS and "drone-dji:" in view.head and "<x:xmpmeta" in view.head
+        return "an XMP packet with drone-dji" if is_one else ""
+    names = [name for name in view.names if name.lower().endswith(PHOTOGRAPHS)][:SOME]
+    return next((f"{name}, {seen}" for name in names if (seen := _xmp(view.of(name)))), "")
+
+
+def files_with(endings: tuple[str, ...], view: FileView) -> list[Path]:
+    """The files of a folder that have one of some endings; a file itself."""
+    names = [name for name in view.names if name.lower().endswith(endings)]
+    return [view.path / name for name in names] if view.is_folder else [view.path]
+
+
+XMP = Format(
+    "dji_xmp",
+    "DJI photographs (XMP)",
+    _xmp,
+    "photographs or .xmp files with a packet `x:xmpmeta` of `drone-dji`",
+    carries=("positions", "start orientations", "standard deviations", "frame"),
+    page="docs/formats.md#dji-xmp",
+    read=read_xmp,
+    files_of=partial(files_with, PHOTOGRAPHS),
+)

@@ -26,8 +26,8 @@ from aatri.formats.conventions.poses import matrix_of_quaternion, quaternion_of_
 from aatri.formats.nvm.sparse_model import SparseModel, parts_of_model
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, AS_USUAL, OF_MODELS, Format, Reading, Writing, begins
+from aatri.formats.results.horizon import centred_cameras
 from aatri.formats.results.oriented_block import OrientedBlock
-from aatri.formats.results.sparse_rays import centred_cameras
 from aatri.formats.text.text_line import TextLine, word_lines
 from aatri.formats.text.written_files import write_files
 from aatri.ids import several, shown

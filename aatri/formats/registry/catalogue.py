@@ -7,13 +7,16 @@ from collections.abc import Mapping
 
 from aatri.formats.bingo.reader import BINGO, GEOIN
 from aatri.formats.blocksexchange.reader import BLOCKSEXCHANGE
-from aatri.formats.gis.declaration import GEOJSON, GEOPACKAGE
+from aatri.formats.gis.geojson import GEOJSON
+from aatri.formats.gis.geopackage import GEOPACKAGE
 from aatri.formats.ign.reader import IGN_CAMERA, IGN_MARKS, IGN_POINTS
 from aatri.formats.inpho.reader import INPHO
 from aatri.formats.lists.declaration import APPLANIX, IGN_OPK, TABLE
 from aatri.formats.metashape.reader import METASHAPE
 from aatri.formats.micmac.reader import MICMAC
-from aatri.formats.navigation.declaration import MRK, PHOTOS, XMP
+from aatri.formats.navigation.mrk import MRK
+from aatri.formats.navigation.photo_folder import PHOTOS
+from aatri.formats.navigation.xmp import XMP
 from aatri.formats.nvm.bundler_reader import BUNDLER
 from aatri.formats.nvm.nvm_model import NVM
 from aatri.formats.opensfm.declaration import GCP_LIST, GEO, GROUND_CONTROL, RECONSTRUCTION, TRACKS

@@ -17,9 +17,15 @@ from aatri.artifacts.solution import ImageOrientations, Parameters, Solution
 from aatri.artifacts.suspects import Suspects
 from aatri.codes import WORDS_OF_PLACES, WORDS_OF_ROLES, WORDS_OF_USES
 from aatri.errors import SpecError
-from aatri.formats.results.column_names import ANGLES, SIGMAS_M, angle_sigmas_deg, named, standard_deviations
+from aatri.formats.results.column_names import (
+    ANGLES,
+    SIGMAS_M,
+    angle_sigmas_deg,
+    named,
+    parameter_units,
+    standard_deviations,
+)
 from aatri.formats.results.interior_orientation import interior_sigmas
-from aatri.formats.results.parameter_units import parameter_units
 from aatri.geometry.rotations import angles_from_rotation
 from aatri.ids import did_you_mean
 from aatri.tables.checked_column import Column

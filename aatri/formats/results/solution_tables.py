@@ -39,10 +39,10 @@ from aatri.formats.results.column_names import (
     angle_sigmas_deg,
     angles_deg,
     named,
+    parameter_units,
     standard_deviations,
 )
 from aatri.formats.results.interior_orientation import interior_columns
-from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.text.csv_cells import shielded
 from aatri.formats.text.written_files import write_files
 from aatri.frames.axes import columns_in_order

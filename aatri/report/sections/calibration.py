@@ -6,8 +6,8 @@ import numpy as np
 
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import Solution
+from aatri.formats.results.column_names import parameter_units
 from aatri.formats.results.interior_orientation import interior_covariances
-from aatri.formats.results.parameter_units import parameter_units
 from aatri.formats.results.solution_tables import removed_parameters
 from aatri.ids import several
 from aatri.report.sections.parts import present
