@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adapters.observation_tables import not_seen_since
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.strips import oriented_strips as pieces
 from aatri.adapters.strips.tied_tables import (
@@ -19,7 +20,6 @@ from aatri.adapters.strips.tied_tables import (
     tests_of,
     uncontrolled_kinds,
 )
-from aatri.adapters.uncontrolled_before import not_seen_since
 from aatri.adjusting.adjusted_observations import AdjustedObservations
 from aatri.adjusting.tied_problem import not_rejected
 from aatri.artifacts.block import Block

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters.cameras.image_parameters import film_parameters
+from aatri.adapters.observation_tables import in_no_model, seen_by_one
 from aatri.adapters.pairs.image_pairs import joining_pairs, pair_names
 from aatri.adapters.solution import stacked, suspect_rows
-from aatri.adapters.uncontrolled_before import in_no_model, seen_by_one
 from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit
 from aatri.adjustment.statistics.limits import LEAST_CONTROLLED
 from aatri.arrays import Float, Int, finite_rows

@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from aatri.adapters.observation_tables import seen_by_one, still_in_no_model, unchecked
 from aatri.adapters.solution import stacked, suspect_rows
 from aatri.adapters.strips.model_chains import Chain, Gap, active_rows
-from aatri.adapters.uncontrolled_before import seen_by_one, still_in_no_model, unchecked
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models

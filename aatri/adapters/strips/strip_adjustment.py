@@ -7,9 +7,8 @@ import numpy as np
 
 from aatri.adapters import solution as assemble
 from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adapters.strips import strip_tables as tables
 from aatri.adapters.strips import tied_tables
-from aatri.adapters.strips.strip_tables import StripsOnGround, strip_notes
+from aatri.adapters.strips.oriented_strips import StripsOnGround, strip_notes
 from aatri.adjusting.tied_problem import not_rejected
 from aatri.adjustment.statistics.limits import SINGLE_LIMIT
 from aatri.arrays import Bool, Float, Int, finite_rows
@@ -244,7 +243,7 @@ def strip_block_solution(
         began=adjusted.began,
         initial=initial,
         unseen=strips.uncontrolled,
-        transformations=tables.transformation_tables(result, ground, strips, sigma_m),
+        transformations=pieces.transformation_tables(result, ground, strips, sigma_m),
         point_covariance_m2=adjusted.covariances.point_covariance_m2,
         at={**tied.state, POINT: result.point_m},
         tests=tests,

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adapters.observation_tables import (
+    not_seen_since,
     reliability_table,
     residual_table,
     suspect_table,
@@ -14,7 +15,6 @@ from aatri.adapters.observation_tables import (
 )
 from aatri.adapters.solution import stacked
 from aatri.adapters.strips import oriented_strips as pieces
-from aatri.adapters.uncontrolled_before import not_seen_since
 from aatri.adjusting.adjusted_observations import AdjustedObservations, classes_of, sigmas_of_groups
 from aatri.adjusting.tied_adjustment import TiedResult
 from aatri.adjustment.unknowns import State

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aatri.adapters.uncontrolled_before import _along
+from aatri.adapters.observation_tables import _along
 from aatri.stages.absolute_orientation.similarity import similarity
 from aatri.stages.image_refinement.systematic import systematic
 from aatri.stages.interior_orientation.calibrated import calibrated
