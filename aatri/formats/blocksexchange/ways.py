@@ -8,7 +8,7 @@
 A file that has one of them is read in each of the ways; the one that is taken projects the control and tie points of
 posed photos to where they are measured, to `MOST_PX` in the median, and the next one `CLEARLY` times as far off. Where
 the points do not decide, angles are read as described, and a file with AspectRatio or Skew is refused. An affinity of
-less than `NOTHING_PX` at the edge of the image is none.
+less than `MISFIT_PX` at the edge of the image is none, as much as a fitted distortion may differ.
 """
 
 from dataclasses import dataclass
@@ -19,10 +19,9 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.formats.conventions.lens import Lens
+from aatri.formats.conventions.lens_conversion import MISFIT_PX
 from aatri.formats.text.xml_tree import XmlElement
 
-NOTHING_PX = 0.05
-"""As much as a fitted distortion may differ (`Reading.lens_misfit_px`)."""
 MOST_PX = 5.0
 """Points of an adjusted block are off by some pixels at most."""
 CLEARLY = 2.0
@@ -70,8 +69,8 @@ def affinity(group: XmlElement, height_px: float, f_px: float) -> Affinity:
         raise group.one("AspectRatio").error(f"AspectRatio {aspect:g}", "it is positive, 1 of square pixels")
     edge_px = height_px / 2
     return Affinity(
-        aspect if abs(aspect - 1) * edge_px > NOTHING_PX else 1.0,
-        skew if abs(skew) * edge_px * max(1.0, 1 / f_px) > NOTHING_PX else 0.0,
+        aspect if abs(aspect - 1) * edge_px > MISFIT_PX else 1.0,
+        skew if abs(skew) * edge_px * max(1.0, 1 / f_px) > MISFIT_PX else 0.0,
     )
 
 

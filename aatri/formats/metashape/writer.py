@@ -18,7 +18,7 @@ from aatri.formats.metashape.chunk_frame import geocentric_frame
 from aatri.formats.parts.block_parts import LOCAL
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.parts.of_block import frame_of
-from aatri.formats.results.exported_files import ControlPoint, control_points
+from aatri.formats.results.exported_files import EXACT_M, ControlPoint, control_points
 from aatri.formats.results.horizon import MovedBlock, as_it_is, in_other_frame
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.text.written_files import element, numbers, write_files, xml_of
@@ -28,8 +28,6 @@ from aatri.progress import SILENT, Reporter
 
 VERSION = "2.0.0"
 LOCAL_SYSTEM = 'LOCAL_CS["Local Coordinates (m)",LOCAL_DATUM["Local Datum",0],UNIT["metre",1,AUTHORITY["EPSG","9001"]]]'
-EXACT_M = 1e-4
-"""Accuracy of what is exact: Metashape has no zero."""
 
 
 def write_metashape(

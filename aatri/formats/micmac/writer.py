@@ -18,7 +18,7 @@ from aatri.formats.conventions.lens_conversion import as_program_states
 from aatri.formats.conventions.poses import stated_rotation
 from aatri.formats.micmac.dialects import CONVENTION
 from aatri.formats.parts.format import AS_USUAL, Writing
-from aatri.formats.results.exported_files import full_control
+from aatri.formats.results.exported_files import EXACT_M, full_control
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.text.written_files import element, numbers, write_files, xml_of
 from aatri.geometry.collinearity import in_image_axes
@@ -26,7 +26,6 @@ from aatri.ids import shown
 from aatri.progress import SILENT, Reporter
 
 ORIENTATIONS = "Ori-aatri"
-EXACT_M = 1e-4
 MOST_PAIRS = 10
 
 

@@ -29,6 +29,7 @@ GEOGRAPHIC = "EPSG:4979"
 
 KEYS = ("N", "E", "V", "Lat", "Lon", "Ellh", "Q")
 FIXED = 50
+"""Q of a fixed solution, and the RtkFlag of photographs."""
 
 
 def read_mrk(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:

@@ -27,6 +27,7 @@ from aatri.arrays import Float
 from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.names import without_extension
+from aatri.formats.navigation.mrk import FIXED
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading
 from aatri.formats.text.text_file import missing
@@ -46,7 +47,6 @@ HEAD_BYTES = 1 << 20
 """The packet lies among the first segments of a file."""
 BEGIN, END = b"<x:xmpmeta", b"</x:xmpmeta>"
 SPACE = "drone-dji:"
-FIXED = 50
 
 
 def read_xmp(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field
 
+from aatri.formats.conventions.lens_conversion import MISFIT_PX
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.text.archive import ZIP, only_document
 from aatri.options import Options
@@ -150,7 +151,7 @@ class Reading(Options):
         (), description="what is taken of the source; empty: all that it has"
     )
     lens_misfit_px: float = Field(
-        0.05, ge=0, description="largest misfit that a distortion may have which is none of aatri's, px"
+        MISFIT_PX, ge=0, description="largest misfit that a distortion may have which is none of aatri's, px"
     )
     use: Literal["observed", "approximate"] | None = Field(
         None, description="positions and attitudes are observations, or start values; null: as the format has it"
@@ -173,7 +174,7 @@ class Writing(Options):
         None, description="of lists: system of the angles; null: as the preset or the names of the columns say"
     )
     lens_misfit_px: float = Field(
-        0.05, ge=0, description="largest misfit that a distortion may have which the target lacks, px"
+        MISFIT_PX, ge=0, description="largest misfit that a distortion may have which the target lacks, px"
     )
 
 

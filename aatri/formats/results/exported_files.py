@@ -18,6 +18,9 @@ from aatri.formats.text.written_files import write_files
 from aatri.ids import shown
 from aatri.progress import Reporter
 
+EXACT_M = 1e-4
+"""Standard deviation of what is exact, for programs that have no zero: Metashape, MicMac."""
+
 
 class ControlPoint(NamedTuple):
     """A control or check point: coordinates, standard deviations (0: exact), and which coordinates are known."""
