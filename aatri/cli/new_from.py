@@ -44,6 +44,10 @@ FEWEST = 3
 
 CALIBRATED = "self_calibration: {set: brown_conrady, remove: true}"
 """As programs of computer vision have it; what the block does not determine is taken out."""
+FIRST_IMAGES = (
+    "aatri new IMAGES --from the others, `aatri run` it, then `block/merged` of its Block and the network: "
+    "docs/methods/merging.md"
+)
 COMPONENTS = "variance_components: {groups: [kind], apply: true}"
 """Where no file states standard deviations of image points: they come from the residuals, against other kinds."""
 MAY_BE_OBSERVED = """\
@@ -82,7 +86,11 @@ def pipeline_from(
     from aatri.formats.registry.sources import read_all
 
     sources, parts = read_all(paths, settings, NARRATED, without=without)
-    single_stage = len(sources) == 1 and bool(sources[0].format.stage)
+    networks = [p for p in parts if "geodetic" in p.others and not p.images]
+    joins = 0 < len(networks) < len(parts)  # a network and the images that show its points
+    if joins and (len(parts) - len(networks) > 1 or not all(s.format.stage for s in sources)):
+        raise InputError("a network beside several sources of images", where=str(sources[-1].path), remedy=FIRST_IMAGES)
+    single_stage = (len(sources) == 1 or joins) and bool(sources[0].format.stage)
     stated = {s.key: s.value for s in settings} if single_stage else of_block(settings)
     if not parts:
         return pipeline_text(sources, folder, with_options(OF_STRIPS, []), stated=stated)
@@ -91,11 +99,12 @@ def pipeline_from(
         for note in of_source.notes:
             narrate(f"    {note}")
     grids = _say_grids(paths, sources, parts)
-    if single_stage and "geodetic" in parts[0].others and not parts[0].images:
+    if single_stage and networks and not joins:
         has_control = bool(np.isin(parts[0].ground_points.get("role", 0), CONTROL).any())
         return pipeline_text(sources, folder, _of_network(has_control), stated=stated)
     not_stated = _not_stated({} if single_stage else stated)
-    block = assembled([replace(of_source, notes=[]) for of_source in parts], not_stated, reporter=NARRATED)
+    quiet = [replace(p, notes=[], others={} if joins and not p.images else p.others) for p in parts]
+    block = assembled(quiet, not_stated, reporter=NARRATED)
     lacking = _lacking(block)
     narrate(f"block {block.name}: " + amounts(block.metrics()))
     if lacking:
@@ -117,7 +126,7 @@ def pipeline_from(
         remedy = f"--set {file}:use=observed --set position_sigma=[0.1,0.1,0.1]{angles}"
         narrate(f"positions are start values: no file says that they were measured; if they were: {remedy}")
     if not _to_match(block):
-        return pipeline_text(sources, folder, stages, hint + grids, stated=stated)
+        return pipeline_text(sources, folder, stages, hint + grids, stated=stated, merges=joins)
     return pipeline_text(sources, folder, of_matched(stages), hint + grids, stated=stated, name="photos")
 
 

@@ -60,11 +60,18 @@ def pipeline_text(
     *,
     stated: Mapping[str, object],
     name: str = "block",
+    merges: bool = False,
 ) -> str:
-    """The pipeline with the stage `name` that reads the block, what is said of it and of each source, and remarks."""
+    """The pipeline with the stage `name` that reads the block, what is said of it and of each source, and remarks.
+
+    `merges`: the sources are blocks, which `block/merged` puts together.
+    """
     if len(sources) == 1 and sources[0].format.stage:
         options = {"path": path_from(sources[0].path, folder)} | dict(stated) | _files_of(sources[0], folder)
         block = f"  {name + ':':9} {{use: {sources[0].format.stage}, with: {_mapping(options)}}}\n"
+    elif merges:
+        paths = json.dumps([path_from(source.path, folder) for source in sources])
+        block = f"  {name + ':':9} {{use: block/merged, with: {{blocks: {paths}}}}}\n"
     else:
         lines = "".join(f"        - {_mapping(_of_source(s, folder))}   # {s.format.title}\n" for s in sources)
         taken = {"image_sigma_px": 1.0, "control_sigma": [0.0, 0.0, 0.0]} | dict(stated)

@@ -20,10 +20,15 @@ from pydantic import model_validator
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.screening import FEW_POINTS, OUTSIDE, REJECTED_IMAGE, SEEN_ONCE
 from aatri.checks.limits import SAME_POINT_SIGMAS
+from aatri.errors import InputError
 from aatri.formats.merging.merged import merged as merged_blocks
 from aatri.formats.merging.names import RenamingOptions, renamed
 from aatri.formats.merging.rows import Conflicts, Duplicates
-from aatri.formats.merging.source import block_from
+from aatri.formats.merging.source import SUFFIX, block_from
+from aatri.formats.parts.assembled import assembled
+from aatri.formats.parts.format import Reading
+from aatri.formats.registry.recognised import recognised_file
+from aatri.formats.registry.sources import read_source
 from aatri.plugin import SILENT, Context, Field, InputPath, stage
 
 from ._as_read import ReadingOptions, as_read
@@ -35,7 +40,12 @@ OF_PARTS = frozenset({OUTSIDE, SEEN_ONCE, REJECTED_IMAGE, FEW_POINTS})
 class SingleBlockOptions(RenamingOptions):
     """One block, and how its ids are to be read."""
 
-    path: InputPath = Field(description="block folder, or the Block of another run (runs/NAME/current/block.h5)")
+    path: InputPath = Field(
+        description="block folder, the Block of another run (runs/NAME/current/block.h5), or a file or folder of a "
+        "format that has a stage of its own (`gama`, `colmap` ...)"
+    )
+    crs: str | None = Field(None, description="coordinate system of a file of another format that names none")
+    vertical: str | None = Field(None, description="its height system; null: as it says, or ellipsoidal")
 
     @model_validator(mode="before")
     @classmethod
@@ -62,7 +72,7 @@ class MergedOptions(ReadingOptions):
 @stage(version=1, uses=())
 def merged(*, options: MergedOptions, context: Context = SILENT) -> Block:
     """Read blocks and merge them."""
-    blocks = [renamed(block_from(part.path, context, OF_PARTS), part) for part in options.blocks]
+    blocks = [renamed(_block(part, context), part) for part in options.blocks]
     block = merged_blocks(
         blocks,
         [str(part.path) for part in options.blocks],
@@ -74,3 +84,17 @@ def merged(*, options: MergedOptions, context: Context = SILENT) -> Block:
         unconnected=options.unconnected,
     )
     return as_read(block, options, context)
+
+
+def _block(part: SingleBlockOptions, context: Context) -> Block:
+    """A block folder or an artifact, else what a format has that a stage of its own reads."""
+    path = part.path
+    if path.exists() and path.suffix != SUFFIX and not (path / "block.yaml").exists():
+        declared = recognised_file(path).format
+        if declared.stage and declared.read is not None:
+            reading = Reading(crs=part.crs, vertical=part.vertical)
+            return assembled([read_source(path, reading, context)], reporter=context)
+    if part.crs or part.vertical:
+        remedy = "leave `crs` and `vertical` out; a block folder says them in block.yaml"
+        raise InputError("says its coordinate system itself", where=str(path), remedy=remedy)
+    return block_from(path, context, OF_PARTS)

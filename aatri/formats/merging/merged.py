@@ -225,10 +225,11 @@ def _check_frames(a: Block, b: Block, rules: Reconciliation) -> None:
     frames = [(f.axes[0], f.crs[0], f.vertical[0]) for f in (a.frames, b.frames)]
     if frames[0] != frames[1]:
         words = [" ".join(filter(None, (crs, vertical, f"({axes})"))) for axes, crs, vertical in frames]
-        raise InputError(
-            f"{rules.first} is in the frame {words[0]}, {rules.second} in {words[1]}",
-            remedy="bring one into the frame of the other: `block/combined` with `crs` and `vertical`",
-        )
+        remedy = "`crs` and `vertical` beside the path of a file that names none; else `block/combined` with these"
+        if frames[0][1:] == frames[1][1:]:
+            remedy = "the same `axes` in both: [east, north, up] where Z is the height"
+        what = f"{rules.first} is in the frame {words[0]}, {rules.second} in {words[1]}"
+        raise InputError(what, remedy=remedy)
     for name in SAME_IN_ALL:
         values = getattr(a, name), getattr(b, name)
         if values[0] != values[1] and not all(isinstance(v, float) and np.isnan(v) for v in values):

@@ -6,7 +6,8 @@ image points. Two that each have cameras and image points are a block by themsel
 same names: of these the one with fewer image points is within the other. What is within another source is left out,
 by a note. A file that the user has named is never left out.
 
-Blocks of different images in one folder, and several networks, are not joined: the user chooses.
+Blocks of different images in one folder, and several networks, are not joined: the user chooses. A network whose points
+images show is one block with these.
 """
 
 from collections.abc import Collection, Sequence
@@ -80,7 +81,7 @@ def _refuse_several(sources: Sequence[Recognised], parts: Sequence[BlockParts]) 
         if same is not None:
             same[0].update(images)
             same[1].append(k)
-        elif images or "geodetic" in of_source.others:
+        elif images or ("geodetic" in of_source.others and not _shares_points(of_source, parts)):
             blocks.append((images, [k]))
     if len(blocks) < 2:
         return
@@ -92,7 +93,14 @@ def _refuse_several(sources: Sequence[Recognised], parts: Sequence[BlockParts]) 
     first = sources[blocks[0][1][0]].path
     what = f"{len(blocks)} blocks that have no image in common: {'; '.join(texts)}"
     remedy = f"give the files of one, --from {first} ...; or leave out those of the others, --without NAME for each"
+    remedy += "; blocks that are to be one: `block/merged`, docs/methods/merging.md"
     raise InputError(what, where=str(first.parent), remedy=remedy)
+
+
+def _shares_points(network: BlockParts, parts: Sequence[BlockParts]) -> bool:
+    """Whether images show points of a network, so that both are one block (`block/merged`)."""
+    points = {str(name) for name in network.ground_points.get("point", ())}
+    return any(points & {str(name) for name in p.image_points.get("point", ())} for p in parts)
 
 
 def _images(parts: BlockParts) -> list[str]:
