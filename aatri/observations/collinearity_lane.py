@@ -25,11 +25,11 @@ from aatri.camera.models.brown import brown_basis
 from aatri.ids import several
 from aatri.observations.image_point_rows import ImagePointRows, LinearCorrection
 from aatri.observations.kernels.camera_frame import into_camera, out_of_camera
-from aatri.observations.kernels.camera_models import brown, opencv
+from aatri.observations.kernels.camera_models import bal, brown, opencv
 from aatri.observations.kernels.collinearity import in_front, linearise
 from aatri.observations.poses import CAMERA, POINT, POSE, Poses
 
-COMPILED_MODELS = {"brown": brown, "opencv": opencv}
+COMPILED_MODELS = {"bal": bal, "brown": brown, "opencv": opencv}
 
 CORRECTING = ("pinhole", "brown")
 """Models whose correction depends on the measured coordinates only."""
@@ -40,7 +40,7 @@ def compiled_lane(
 ) -> Compiled:
     """The compiled lane, equal to the NumPy form to 1e-12.
 
-    Of cameras with models of their own these are compiled where all are Brown's or all OpenCV's; others are NumPy in
+    Of cameras with models of their own these are compiled where all are Brown's, all OpenCV's or all Bundler's; others are NumPy in
     between.
     """
     models = set() if cameras is None else set(cameras.model)

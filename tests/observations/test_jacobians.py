@@ -125,7 +125,9 @@ def _models(names: tuple[str, ...], rng: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("known", [False, True])
-@pytest.mark.parametrize("models", [("brown", "brown"), ("opencv", "opencv"), ("fisheye", "brown"), ("bal", "pinhole")])
+@pytest.mark.parametrize(
+    "models", [("brown", "brown"), ("opencv", "opencv"), ("fisheye", "brown"), ("bal", "bal"), ("bal", "pinhole")]
+)
 def test_the_compiled_lane_of_camera_models_equals_the_numpy_form(models: tuple[str, ...], known: bool) -> None:
     rows, state, rng = _many_rays(7)
     p = _models(models, rng)

@@ -1,7 +1,7 @@
 """Camera models between the two kernels of `camera_frame`: residuals and derivatives of many rays, compiled.
 
 Brown's is the model of most self-calibrations; its equations are those of `aatri.camera.models.calibration`. OpenCV's
-are those of `aatri.camera.models.projection`. A model is a function of this signature, and an entry in the lane's table.
+and Bundler's are those of `aatri.camera.models.projection`. A model is a function of this signature, and an entry in the lane's table.
 """
 
 from numba import njit
@@ -104,4 +104,26 @@ def opencv(first, last, block, xy, parameters, u, v, by_u, by_camera):
         J[0, 10], J[1, 10] = -L * xa * q2, -L * yb * q2
         J[0, 11], J[1, 11] = -L * xa * q3, -L * yb * q3
         for j in range(12, J.shape[1]):
+            J[0, j], J[1, j] = 0.0, 0.0
+
+
+@njit(MODEL, nogil=True, cache=True, error_model="numpy")
+def bal(first, last, block, xy, parameters, u, v, by_u, by_camera):
+    """Residuals of Bundler's model (f k1 k2); arguments as of `brown`, s from 3 on."""
+    for k in range(first, last):
+        r, g = k - first, parameters[block[k]]
+        f, k1, k2, w = g[0], g[1], g[2], u[r, 2]
+        a, b = -u[r, 0] / w, -u[r, 1] / w
+        q = a * a + b * b
+        L = 1.0 + q * (k1 + q * k2)
+        dL = 2.0 * (k1 + 2.0 * q * k2)
+        aa, ab, bb = L + dL * a * a, dL * a * b, L + dL * b * b
+        v[r, 0], v[r, 1] = f * a * L - xy[k, 0], f * b * L - xy[k, 1]
+        by_u[r, 0, 0], by_u[r, 0, 1], by_u[r, 0, 2] = -f * aa / w, -f * ab / w, -f * (aa * a + ab * b) / w
+        by_u[r, 1, 0], by_u[r, 1, 1], by_u[r, 1, 2] = -f * ab / w, -f * bb / w, -f * (ab * a + bb * b) / w
+        J = by_camera[r]
+        J[0, 0], J[1, 0] = a * L, b * L
+        J[0, 1], J[1, 1] = f * q * a, f * q * b
+        J[0, 2], J[1, 2] = f * q * q * a, f * q * q * b
+        for j in range(3, J.shape[1]):
             J[0, j], J[1, j] = 0.0, 0.0
