@@ -38,7 +38,8 @@ class Note:
     ids: tuple[str, ...] = ()
     """Images, points, models ... it is about, all of them; told in part where they are many."""
     sets_aside: bool = False
-    """It tells of images or points that take no part because nothing determines them."""
+    """It tells of images or points that take no part because nothing determines them, at least where what is left is
+    adjusted again."""
 
     def __str__(self) -> str:
         return f"{self.text}: {shown(self.ids)}" if self.ids else self.text

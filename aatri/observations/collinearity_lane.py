@@ -40,8 +40,8 @@ def compiled_lane(
 ) -> Compiled:
     """The compiled lane, equal to the NumPy form to 1e-12.
 
-    Of cameras with models of their own these are compiled where all are Brown's, all OpenCV's or all Bundler's; others are NumPy in
-    between.
+    Of cameras with models of their own these are compiled where all are Brown's, OpenCV's or Bundler's; others are
+    NumPy in between.
     """
     models = set() if cameras is None else set(cameras.model)
     model = COMPILED_MODELS.get(models.pop()) if len(models) == 1 else None

@@ -143,7 +143,9 @@ def adjust_large(
     if settings.others is not None:
         raise NotInParts(f"no convergence in {len(history)} iterations")
     refuse_nearly_singular(here.problem, here.state, len(history), still_falling(history))
-    raise ConvergenceError(_failure(records, here.state, len(history), history[-1]), remedy=advice_after(history))
+    raise ConvergenceError(
+        _failure(here.problem.records, here.state, len(history), history[-1]), remedy=advice_after(history)
+    )
 
 
 def _begun(

@@ -150,7 +150,7 @@ def with_runaways_slowed(here: IterationState) -> tuple[IterationState, list[Not
         return here, []
     group = next(u for u in problem.unknowns if u.eliminated)
     names = tuple(str(group.ids[k]) for k in np.sort(problem.rays.block[lost]))
-    note = Note("warning", f"has no finite optimum, its rays are parallel: {group.name}", names)
+    note = Note("warning", f"has no finite optimum, its rays are parallel: {group.name}", names, sets_aside=True)
     hold = problem.hold.copy()
     hold[lost] = HOLD * _size(problem, here.state, lost)[:, None, None] * np.eye(3)
     slowed = replace(problem, hold=hold)

@@ -138,12 +138,17 @@ def _datum_of(datum: State | None, start: State) -> State:
 def _without_undetermined(
     inputs: BundleInput, adjusted: Adjusted, settings: BundleSettings, reporter: Reporter
 ) -> BundleResult | None:
-    """The block adjusted without the images and points that it leaves open; None if there are none."""
-    set_aside = {
-        name: blocks for name, blocks in adjusted.problem.set_aside.items() if name in (POSE, POINT) and blocks.any()
-    }
+    """The block adjusted without the images and points that it leaves open; None if there are none.
+
+    With them go points that have run away to infinity: where they are now nothing determines them.
+    """
+    problem = adjusted.problem
+    set_aside = {name: blocks for name, blocks in problem.set_aside.items() if name in (POSE, POINT) and blocks.any()}
     if not set_aside:
         return None
+    if problem.rays is not None and problem.layout.eliminated == POINT and problem.hold.any():
+        runaway = np.isin(np.arange(len(inputs.point_ids)), problem.rays.block[problem.hold.any(axis=(1, 2))])
+        set_aside[POINT] = set_aside.get(POINT, False) | runaway
     # A free datum is fitted onto its start; any other begins where it has come to.
     poses, xyz = (
         (inputs.poses, inputs.xyz_m) if settings.datum == "free" else (adjusted.state[k] for k in (POSE, POINT))
