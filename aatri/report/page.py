@@ -246,8 +246,8 @@ def _gates(run: RunView) -> PageTable | None:
 
 def _counts(run: RunView) -> Mapping[str, str]:
     """Counts of the last solution, with what the block has of each."""
-    blocks, solutions = run.of_kind(Block), run.of_kind(Solution)
-    of_block: Mapping[str, Any] = blocks[-1].metrics if blocks else {}
+    name, solutions = next(iter(run.readable(Block)), ""), run.of_kind(Solution)
+    of_block: Mapping[str, Any] = next((s.metrics for s in run.stages if s.name == name), {})
     solved: Mapping[str, Any] = solutions[-1].metrics if solutions else {}
     names = (
         "images",

@@ -66,12 +66,12 @@ class RunView:
         return [s for s in self.stages if s.kind == kind.kind and s.status == "done"]
 
     def _before_the_result(self, stages: list[StageView]) -> list[StageView]:
-        """Those that the last Solution was made from, and itself: of several blocks in a run the one that it is of."""
+        """Those that the last Solution was made from, and itself, the nearest last: of several blocks the one it is of."""
         inputs = {s.name: s.inputs.values() for s in self.stages}
         there = [s.name for s in self.of_kind(Solution)][-1:]
         for name in there:  # grows
             there += [before for before in inputs.get(name, ()) if before not in there]
-        return [s for s in stages if s.name in there] or stages
+        return sorted((s for s in stages if s.name in there), key=lambda s: -there.index(s.name)) or stages
 
     @property
     def status(self) -> str:
@@ -86,7 +86,8 @@ class RunView:
         return next((s.name for s in further if set(last) & set(s.inputs.values())), "")
 
     def evaluated(self) -> list[StageView]:
-        """Stages that evaluated a result, in order; without one every Evaluation: of free strips, epochs, set-ups.
+        """Stages that evaluated a result, in order, those of the last Solution last; without one every Evaluation: of
+        free strips, epochs, set-ups.
 
         Where the last Solution is still to be evaluated, what is known of those before it is not said of it.
         """
@@ -95,7 +96,7 @@ class RunView:
         of_last = [s for s in self.stages if s.kind == Evaluation.kind and last & set(s.inputs.values())]
         if any(s.status != "done" for s in of_last):
             return [s for s in of_results if s in of_last]
-        return of_results or stages
+        return sorted(of_results, key=of_last.__contains__) or stages
 
     def artifact(self, stage: StageView) -> Artifact:
         """The artifact of a stage.
