@@ -108,6 +108,7 @@ def _plain_comparison(compared: list[Compared], options: Rows, metrics: Rows) ->
         "changes": {
             run.name: [{"stage": stage, **reason.plain()} for stage, reason in changes(first, run)] for run in others
         },
+        "failed": {run.name: {stage: f.get("what") for stage, f in run.failures.items()} for run in compared},
         "differences": {run.name: _plain(parting(first, run)) for run in others},
     }
 
@@ -119,6 +120,8 @@ def _say_figures(compared: list[Compared], options: Rows, metrics: Rows, *, ever
 
     if len(compared) == 2:
         say_key_figures(compared)
+        if not compared[0].records.keys() & compared[1].records.keys():
+            return
     _say_values("option", compared, options)
     if everything:
         _say_values("figure", compared, metrics)
@@ -137,9 +140,16 @@ def _parting_lines(first: Compared, run: Compared) -> list[str]:
         for stage, reason in changes(first, run)
         if reason.why != "options"  # these stand in the table
     ]
-    missing = [stage for stage in first.stages if stage not in run.records]
+    failed = [f"{run.name}: {stage} failed: {failure.get('what', '')}" for stage, failure in run.failures.items()]
+    missing = [stage for stage in first.stages if stage not in run.records and stage not in run.failures]
     without = f"; it has no result of {', '.join(missing)}" if missing else ""
-    return [*changed, f"{run.name}: {_parting_text(parting(first, run), first)}{without}"]
+    if not first.records.keys() & run.records.keys():
+        end = f"no stage that {first.name} has a result of has one here: nothing to compare"
+    else:
+        split = parting(first, run)
+        equal = "what both have is equal" if failed or missing else f"its results are equal to those of {first.name}"
+        end = f"{equal if split is None else _parting_text(split, first)}{without}"
+    return [*changed, *failed, f"{run.name}: {end}"]
 
 
 def _names(folders: list[Path]) -> list[str]:
@@ -163,10 +173,8 @@ def _say_values(what: str, compared: list[Compared], rows: Rows) -> None:
     say()
 
 
-def _parting_text(split: Parting | None, first: Compared) -> str:
+def _parting_text(split: Parting, first: Compared) -> str:
     """One sentence on where and why a run parts from the first one."""
-    if split is None:
-        return f"its results are equal to those of {first.name}"
     from aatri.cli.plan_table import reasons_text
 
     changed = [f"{name} {one} -> {other}" for name, (one, other) in split.environment.items()]

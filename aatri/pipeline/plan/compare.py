@@ -9,7 +9,7 @@ Many runs are put in groups: those that change the same stages stand together, a
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +24,17 @@ LAST_BITS = 1e-12
 
 @dataclass(frozen=True)
 class Compared:
-    """A run: its name, folder, stages in order, and the current record of each stage that has one."""
+    """A run: its name, folder, stages in order, the current record of each stage that has one, and what failed."""
 
     name: str
     folder: Path
     stages: tuple[str, ...]
     records: Mapping[str, Mapping[str, Any]]
+    failures: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def settings(self, stage: str) -> Mapping[str, Any] | None:
+        """Record or failure of a stage, which have its method and options; None where it did not run."""
+        return self.records.get(stage, self.failures.get(stage))
 
 
 @dataclass(frozen=True)
@@ -64,18 +69,22 @@ def read_run(folder: Path, name: str) -> Compared:
         raise ArtifactError("has not been run", where=str(folder), remedy="aatri run")
     stages = tuple(str(entry["stage"]) for entry in overview["stages"])
     records = {stage: store.current_record(folder, stage) for stage in stages}
-    return Compared(name, folder, stages, {stage: r for stage, r in records.items() if r is not None})
+    failures = {stage: store.failure(folder, stage) for stage in stages if records[stage] is None}
+    made, failed = ({stage: r for stage, r in of.items() if r is not None} for of in (records, failures))
+    return Compared(name, folder, stages, made, failed)
 
 
 def option_rows(runs: Sequence[Compared]) -> list[tuple[str, list[Any]]]:
-    """Methods and options that differ among the runs that made the stage: the name, the value in each or None."""
+    """Methods and options that differ among the runs that ran the stage: the name, the value in each or None."""
     rows = []
     for stage in _stages(runs):
-        records = {k: run.records[stage] for k, run in enumerate(runs) if stage in run.records}
+        records = {k: record for k, run in enumerate(runs) if (record := run.settings(stage)) is not None}
         options = flat_alike([record["options"] for record in records.values()])
         by_run = {k: {"use": r["plugin"], **stated} for (k, r), stated in zip(records.items(), options)}
         made, values = list(by_run.values()), [by_run.get(k) for k in range(len(runs))]
         for name in dict.fromkeys(key for each in made for key in each):
+            if len({each["use"] for each in made}) > 1 and not all(name in each for each in made):
+                continue  # another method has options of its own
             row = [None if each is None else each.get(name) for each in values]
             if any(each.get(name) != made[0].get(name) for each in made):
                 rows.append((f"{stage}.{name}", row))
@@ -193,7 +202,7 @@ def changed_settings(first: Compared, run: Compared, beside: Sequence[Compared] 
     """
     changes = []
     for stage in first.stages:
-        one, other = _settings(first, stage), _settings(run, stage)
+        one, other = _settings_of_both(first, run, stage)
         if one is None or other is None:
             continue
         if one["use"] != other["use"]:
@@ -218,15 +227,23 @@ def seconds_until(run: Compared, stage: str) -> float:
 
 
 def _differs(first: Compared, run: Compared, stage: str) -> bool:
-    """Whether both have made a stage, with other settings."""
-    one, other = _settings(first, stage), _settings(run, stage)
+    """Whether both have run a stage, with other settings."""
+    one, other = _settings_of_both(first, run, stage)
     return one is not None and other is not None and one != other
 
 
+def _settings_of_both(first: Compared, run: Compared, stage: str) -> list[dict[str, object] | None]:
+    """Settings of a stage in two runs; without ports where one failed, whose record has none."""
+    both = [_settings(first, stage), _settings(run, stage)]
+    if stage in first.records and stage in run.records:
+        return both
+    return [None if s is None else {n: v for n, v in s.items() if not n.startswith("from ")} for s in both]
+
+
 def _settings(run: Compared, stage: str) -> dict[str, object] | None:
-    """Method, options and ports of a stage, flat; None where the run did not make it."""
-    record = run.records.get(stage)
+    """Method, options and ports of a stage, flat; None where the run did not come to it."""
+    record = run.settings(stage)
     if record is None:
         return None
-    ports = {f"from {port}": source["stage"] for port, source in record["inputs"].items()}
+    ports = {f"from {port}": source["stage"] for port, source in record.get("inputs", {}).items()}
     return {"use": record["plugin"], **flat(record["options"]), **ports}

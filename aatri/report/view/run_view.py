@@ -66,7 +66,7 @@ class RunView:
         return [s for s in self.stages if s.kind == kind.kind and s.status == "done"]
 
     def _before_the_result(self, stages: list[StageView]) -> list[StageView]:
-        """Those that the last Solution was made from, and itself, the nearest last: of several blocks the one it is of."""
+        """Those that the last Solution was made from, and itself, the nearest last: of several blocks its own."""
         inputs = {s.name: s.inputs.values() for s in self.stages}
         there = [s.name for s in self.of_kind(Solution)][-1:]
         for name in there:  # grows
