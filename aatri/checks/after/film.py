@@ -1,7 +1,8 @@
 """Film images after their interior orientation by fiducial marks.
 
 Seen: images that could not be used, marks that do not fit, a transformation that is too simple for the film, film that
-is deformed by more than film is, scans that are turned against the others.
+is deformed by more than film is, scans that are turned against the others, marks that
+fit in no image and in all in the same way.
 Test: sigma0 of all images pooled, by chi-square, and of single images at the level 0.05 / count; the rest by limits. An
 image that cannot be used is left out by name; where more than half cannot, the marks as such are wrong.
 """
@@ -11,11 +12,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from aatri.adapters.interior.film_marks import FilmMarks, misfits
-from aatri.adjustment.statistics.global_test import pooled_test, sigma0_note
+from aatri.adjustment.statistics.global_test import global_test, pooled_test, sigma0_note
 from aatri.arrays import Bool, Float
 from aatri.artifacts.block import Block
 from aatri.checks.finding import Finding, Level
-from aatri.checks.limits import LARGEST_SHEAR, TOO_SIMPLE
+from aatri.checks.limits import FEWEST_ALIKE, LARGEST_SHEAR, TOO_SIMPLE
 from aatri.errors import GeometryError
 from aatri.ids import several, shown
 from aatri.orientation.interior.fiducial_fit import FiducialFit, fewest_marks, fit_fiducials, snooped_fiducials
@@ -32,7 +33,7 @@ def film(block: Block, marks: FilmMarks, fit: FiducialFit, unusable: Mapping[int
     """
     reasons = tuple(f"{block.images.id[marks.image[k]]} ({reason})" for k, reason in unusable.items())
     if 2 * len(reasons) > len(marks.image):
-        return [_too_many(marks, fit, reasons)]
+        return [_too_many(block, marks, fit, reasons)]
     usable = ~np.isin(np.arange(len(marks.image)), list(unusable))
     return list(_findings(block, marks, fit, usable, reasons))
 
@@ -41,7 +42,7 @@ def _finding(level: Level, text: str, ids: tuple[str, ...] = ()) -> Finding:
     return Finding("film", level, text, ids=ids)
 
 
-def _too_many(marks: FilmMarks, fit: FiducialFit, reasons: tuple[str, ...]) -> Finding:
+def _too_many(block: Block, marks: FilmMarks, fit: FiducialFit, reasons: tuple[str, ...]) -> Finding:
     fewest = fewest_marks(fit.model)
     text = f"{len(reasons)} of {len(marks.image)} film images have no interior orientation: {shown(reasons)}"
     remedy = (
@@ -49,6 +50,7 @@ def _too_many(marks: FilmMarks, fit: FiducialFit, reasons: tuple[str, ...]) -> F
         f"{fewest + 1} to check them, well spread; or take a variant of interior_orientation with fewer parameters"
     )
     simple = [finding.sentence for finding in _too_simple(marks)] if fit.model == "similarity" else []
+    simple = simple or [finding.sentence for finding in _wrong_calibration(block, marks, fit, fit.determined)]
     return Finding("film", "error", text, simple[0] if simple else remedy, error=GeometryError)
 
 
@@ -68,8 +70,9 @@ def _findings(
         count = ("no", "one", "two", "three", "four")[fewest_marks(fit.model)]
         text = f"only {count} fiducial marks, no check of their measurement"
         yield _finding("warning", text, tuple(ids[exact].tolist()))
-    high = misfits(fit, usable)
-    if high.any():
+    high, calibration = misfits(fit, usable), list(_wrong_calibration(block, marks, fit, usable))
+    yield from calibration
+    if high.any() and not calibration:
         named = tuple(f"{i} ({s:.1f})" for i, s in zip(ids[high], fit.sigma0[high]))
         yield _finding("warning", "sigma0 of single images is too large, a mark may be wrong", named)
     rejected = usable[:, None] & marks.present & ~fit.used
@@ -99,6 +102,35 @@ def _too_simple(marks: FilmMarks) -> Iterator[Finding]:
         text = f"a similarity is too simple for this film: sigma0 {of_simple.sigma0:.2f}, an affine transformation of "
         text += f"the same marks has {of_affine.sigma0:.2f}; not the marks are wrong: use interior_orientation/affine"
         yield _finding("warning", text)
+
+
+def _wrong_calibration(block: Block, marks: FilmMarks, fit: FiducialFit, usable: Bool) -> Iterator[Finding]:
+    """Cameras whose marks have the same residuals in all images: these are not errors of measuring."""
+    camera = block.images.camera[marks.image]
+    for one in np.unique(camera[usable & (fit.redundancy > 0)]):
+        rows = np.flatnonzero(usable & (fit.redundancy > 0) & (camera == one))
+        used = fit.used[rows]
+        mark = block.fiducial_points.fiducial[marks.row[rows]][used]
+        v = fit.residual_mm[rows][used] / marks.sigma_mm[rows][used]
+        names, place, count = np.unique(mark, return_inverse=True, return_counts=True)
+        common = np.stack([np.bincount(place, v[:, axis]) for axis in (0, 1)], axis=1) / count[:, None]
+        redundancy = int(fit.redundancy[rows].sum())
+        left = redundancy - int(fit.redundancy[rows].max())
+        if len(rows) < FEWEST_ALIKE or left <= 0:
+            continue
+        whole = global_test(float(np.sqrt((v**2).sum() / redundancy)), redundancy)
+        without = float(np.sqrt(((v - common[place]) ** 2).sum() / left))
+        if whole.sigma0 > whole.high and whole.sigma0 > TOO_SIMPLE * without:
+            largest = int(np.argmax((common**2).sum(axis=1)))
+            um = 1e3 * fit.residual_mm[rows][used][place == largest].mean(axis=0)
+            of_mark = f"mark {block.fiducials.id[names[largest]]} by {um[0]:.0f}, {um[1]:.0f} um"
+            text = (
+                f"the marks of camera {block.cameras.id[one]} do not fit in the same way in all {len(rows)} images, "
+                f"{of_mark}: their calibrated coordinates are wrong or another camera's, not the measured ones "
+                f"(sigma0 {whole.sigma0:.1f}, without what is common {without:.1f}); compare `fiducials` with the "
+                "certificate"
+            )
+            yield _finding("warning", text)
 
 
 def _deformation(linear: Float) -> Finding:

@@ -13,6 +13,7 @@ from aatri.adapters.interior.film_marks import FilmMarks
 from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.checks.finding import Finding
+from aatri.ids import shown
 from aatri.orientation.interior.fiducial_fit import FiducialFit, fit_fiducials
 from aatri.orientation.interior.mark_tests import is_misfit, renumbering, scale_problem
 
@@ -24,21 +25,34 @@ def mark_numbers(block: Block, marks: FilmMarks) -> list[Finding]:
     size = np.einsum("nii->ni", marks.nominal)
     measured = (marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present)
     upright, mirrored = (fit_fiducials("similarity", *measured, size * way) for way in (np.ones(2), MIRROR))
-    wrong = (_wrong(block, marks, upright, mirrored, k) for k in range(len(marks.image)))
-    return [finding for finding in wrong if finding is not None]
+    wrong = [_wrong(block, marks, upright, mirrored, k) for k in range(len(marks.image))]
+    by_remedy: dict[str, list[int]] = {}
+    for k, one in enumerate(wrong):
+        if one is not None:
+            by_remedy.setdefault(one[1], []).append(k)
+    findings = []
+    for remedy, rows in by_remedy.items():
+        what = str((wrong[rows[0]] or ("",))[0])
+        ids = block.images.id[marks.image[rows]].tolist()
+        which = f"image {ids[0]}" if len(ids) == 1 else f"{len(ids)} of {len(wrong)} film images, {shown(ids, 3)}"
+        where = block.read_at(block.fiducial_points, int(marks.row[rows[0], marks.present[rows[0]]][0]))
+        findings.append(Finding("mark_numbers", "error", f"{which}: {what}", remedy, where=where))
+    return findings
 
 
-def _wrong(block: Block, marks: FilmMarks, upright: FiducialFit, mirrored: FiducialFit, k: int) -> Finding | None:
+def _wrong(
+    block: Block, marks: FilmMarks, upright: FiducialFit, mirrored: FiducialFit, k: int
+) -> tuple[str, str] | None:
+    """What is wrong with the marks of an image, and the remedy."""
     if not upright.determined[k]:
         return None
     present = marks.present[k]
     calibrated = marks.calibrated_mm[k, present]
     rows, marked = marks.row[k, present], block.fiducial_points
-    where, image = block.read_at(marked, int(rows[0])), f"image {block.images.id[marks.image[k]]}"
     if not is_misfit(upright.residual_mm[k, present], calibrated):
         scale = scale_problem(upright.photo_from_nominal[k])
-        remedy = "check the pixel size and the unit of the fiducial coordinates of the camera"
-        return _error(f"{image}: {scale}", remedy, where) if scale else None
+        remedy = "check the pixel size, the unit of the fiducial coordinates, and whether they are those of the camera"
+        return (scale, remedy) if scale else None
     nominal = marks.measured[k, present] @ marks.nominal[k].T
     names = block.fiducials.id[marked.fiducial[rows]]
 
@@ -49,15 +63,11 @@ def _wrong(block: Block, marks: FilmMarks, upright: FiducialFit, mirrored: Fiduc
     exchanged, direction = mapping(np.ones(2)), "check pixel: {y: down} or {y: up} of the camera"
     if not is_misfit(mirrored.residual_mm[k, present], calibrated):
         also = f", or exchange numbers: {exchanged}" if exchanged else ""
-        remedy = f"{direction} (a comparator counts y up){also}"
-        return _error(f"{image}: its fiducial marks fit only as a mirror image", remedy, where)
+        remedy = f"{direction} (a comparator counts y up), and on which side the film lay{also}"
+        return "the fiducial marks fit only as a mirror image", remedy
     if exchanged:
-        return _error(f"{image}: the numbers of its fiducial marks are exchanged", exchanged, where)
+        return "the numbers of the fiducial marks are exchanged", exchanged
     if both := mapping(MIRROR):
-        what = f"{image}: its fiducial marks fit only as a mirror image, and with their numbers exchanged"
-        return _error(what, f"{both}; and {direction}", where)
+        what = "the fiducial marks fit only as a mirror image, and with their numbers exchanged"
+        return what, f"{both}; and {direction}"
     return None
-
-
-def _error(what: str, remedy: str, where: str) -> Finding:
-    return Finding("mark_numbers", "error", what, remedy, where=where)

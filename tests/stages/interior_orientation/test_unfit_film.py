@@ -38,6 +38,31 @@ def test_a_similarity_on_film_that_shears_is_called_too_simple(block: Block) -> 
     assert "too simple for this film" in str(caught.value)
 
 
+@pytest.mark.parametrize("off_mm", [0.05, 1.0])
+def test_a_wrong_calibrated_mark_is_told_of_the_camera_and_not_of_the_images(off_mm: float) -> None:
+    """One of four marks by 1 mm: before, affine film was said to need marks; by 0.05 mm: "a mark may be wrong"."""
+    block, told = flown(noise=True), Told()
+    xy_mm = block.fiducials.xy_mm + np.array([[off_mm, 0.0], *[[0.0, 0.0]] * 3])
+    wrong = replace(block, fiducials=replace(block.fiducials, xy_mm=xy_mm))
+    text = "in the same way in all"
+    if off_mm < 1.0:
+        affine(wrong, context=told)
+        assert sum(text in t for t in told.warnings) == 1
+        assert not any("a mark may be wrong" in t for t in told.warnings)
+    else:
+        with pytest.raises(GeometryError) as raised:
+            affine(wrong)
+        assert text in raised.value.remedy
+    clean = Told()
+    affine(block, context=clean)
+    assert not any(text in t for t in clean.warnings)
+
+
+def test_what_is_wrong_with_the_marks_of_all_images_is_one_error(block: Block) -> None:
+    with pytest.raises(InputError, match=r"of \d+ film images, .* and \d+ more: the scale is 1\.1"):
+        affine(replace(block, fiducials=replace(block.fiducials, xy_mm=1.1 * block.fiducials.xy_mm)))
+
+
 @pytest.mark.parametrize(("y", "origin"), [("down", "top-left-corner"), ("up", "bottom-left-corner")])
 def test_y_of_pixels_that_counts_the_other_way_is_named(y: str, origin: str) -> None:
     aerial = simulated(**{**SMALL_UAV, "flight": {"strips": 1, "images_per_strip": 2}})
