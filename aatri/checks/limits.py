@@ -216,13 +216,10 @@ unstable bridge."""
 
 # --- after: film, photo coordinates
 
-TOO_SIMPLE, LARGEST_SHEAR = 1.5, 1e-3
+TOO_SIMPLE, LARGEST_SHEAR, FEWEST_ALIKE = 1.5, 1e-3, 3
 """A similarity whose sigma0 is so many times that of an affine transformation leaves out what the film has done, and
-marks whose sigma0 falls so without what their residuals have in common have wrong calibrated coordinates;
+marks have wrong calibrated coordinates whose sigma0 falls so without what residuals of the fewest images have in common;
 affine deformation of film beyond the second is unusual."""
-
-FEWEST_ALIKE = 3
-"""Images of which the marks of a camera tell what their residuals have in common."""
 
 PHOTO_MARGIN, LARGE_PRINCIPAL_POINT = 0.01, 0.05
 """Shares of the format: so far beyond its edge a point still counts as inside; a principal point so far off its centre

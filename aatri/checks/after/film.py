@@ -118,16 +118,16 @@ def _wrong_calibration(block: Block, marks: FilmMarks, fit: FiducialFit, usable:
         left = redundancy - int(fit.redundancy[rows].max())
         if len(rows) < FEWEST_ALIKE or left <= 0:
             continue
-        whole = global_test(float(np.sqrt((v**2).sum() / redundancy)), redundancy)
+        of_all = global_test(float(np.sqrt((v**2).sum() / redundancy)), redundancy)
         without = float(np.sqrt(((v - common[place]) ** 2).sum() / left))
-        if whole.sigma0 > whole.high and whole.sigma0 > TOO_SIMPLE * without:
+        if of_all.sigma0 > of_all.high and of_all.sigma0 > TOO_SIMPLE * without:
             largest = int(np.argmax((common**2).sum(axis=1)))
             um = 1e3 * fit.residual_mm[rows][used][place == largest].mean(axis=0)
             of_mark = f"mark {block.fiducials.id[names[largest]]} by {um[0]:.0f}, {um[1]:.0f} um"
             text = (
                 f"the marks of camera {block.cameras.id[one]} do not fit in the same way in all {len(rows)} images, "
                 f"{of_mark}: their calibrated coordinates are wrong or another camera's, not the measured ones "
-                f"(sigma0 {whole.sigma0:.1f}, without what is common {without:.1f}); compare `fiducials` with the "
+                f"(sigma0 {of_all.sigma0:.1f}, without what is common {without:.1f}); compare `fiducials` with the "
                 "certificate"
             )
             yield _finding("warning", text)
