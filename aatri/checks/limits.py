@@ -218,7 +218,7 @@ unstable bridge."""
 
 TOO_SIMPLE, LARGEST_SHEAR, FEWEST_ALIKE = 1.5, 1e-3, 3
 """A similarity whose sigma0 is so many times that of an affine transformation leaves out what the film has done, and
-marks have wrong calibrated coordinates whose sigma0 falls so without what residuals of the fewest images have in common;
+marks whose sigma0 falls so without what their residuals in so many images have in common have wrong coordinates;
 affine deformation of film beyond the second is unusual."""
 
 PHOTO_MARGIN, LARGE_PRINCIPAL_POINT = 0.01, 0.05
