@@ -5,12 +5,15 @@ from __future__ import annotations
 import difflib
 import itertools
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
+
+from aatri.errors import InputError
 
 if TYPE_CHECKING:  # numpy is imported where rows are made, so that the command line starts without it
     import numpy.typing as npt
 
-    from aatri.arrays import Int
+    from aatri.arrays import Bool, Int, Text
 
 MAX_BYTES = 255
 """Longest id, in UTF-8 bytes."""
@@ -52,6 +55,39 @@ def rows_of(ids: Sequence[str] | npt.NDArray[Any], table: Sequence[str] | npt.ND
     texts, of_table = (one.tolist() if isinstance(one, np.ndarray) else map(str, one) for one in (ids, table))
     row = dict(zip(of_table, itertools.count()))
     return np.array([row.get(text, -1) for text in texts], dtype=np.int32)
+
+
+def matching(kind: str, ids: Text, patterns: Iterable[str], where: str = "") -> Bool:
+    """Whether each id is like one of the patterns (`*`, `?`, `[abc]`).
+
+    Parameters
+    ----------
+    kind : str
+        What has the ids, for messages.
+    ids : (n,) str
+    where : str
+        The option with the patterns, for messages.
+
+    Returns
+    -------
+    (n,) bool
+
+    Raises
+    ------
+    InputError
+        If no id is like one of the patterns.
+    """
+    import numpy as np
+
+    texts, like_any = ids.tolist(), np.zeros(len(ids), dtype=bool)
+    for pattern in patterns:
+        like = np.array([fnmatchcase(text, pattern) for text in texts], dtype=bool)
+        if not like.any():
+            first = ", ".join(map(printable, texts[:5]))
+            remedy = f"the block has {several(len(texts), kind)}: {first} ..."
+            raise InputError(f"no {kind} has an id like {printable(pattern)}", where=where, remedy=remedy)
+        like_any |= like
+    return like_any
 
 
 def natural_order(texts: Sequence[str] | npt.NDArray[Any]) -> Int:

@@ -6,16 +6,13 @@ image of the part alone shows them: `information/reduced` tells the others of th
 again.
 """
 
-from fnmatch import fnmatchcase
-
 import numpy as np
 
-from aatri.arrays import Bool, Text
 from aatri.artifacts.block import Block
 from aatri.errors import InputError
 from aatri.formats.merging.part import part_of
 from aatri.formats.merging.source import block_from
-from aatri.ids import printable, several
+from aatri.ids import matching, several
 from aatri.plugin import SILENT, Context, Field, InputPath, stage
 
 from ._as_read import ReadingOptions, as_read
@@ -34,8 +31,8 @@ class PartOptions(ReadingOptions):
 def part(*, options: PartOptions, context: Context = SILENT) -> Block:
     """Read a block and cut a part out."""
     block = block_from(options.path, context)
-    strips = _matching("strip", block.strips.id, options.strips)
-    images = _matching("image", block.images.id, options.images) | np.append(strips, False)[block.images.strip]
+    strips = matching("strip", block.strips.id, options.strips)
+    images = matching("image", block.images.id, options.images) | np.append(strips, False)[block.images.strip]
     if not images.any():
         raise InputError("no image is chosen", where=str(options.path), remedy="give `images` or `strips`")
     cut = part_of(block, images)
@@ -49,14 +46,3 @@ def part(*, options: PartOptions, context: Context = SILENT) -> Block:
     rays = block.image_points
     outside = np.unique(rays.point[rays.active & ~images[rays.image]])
     return as_read(cut, options, context, elsewhere=block.points.id[outside])
-
-
-def _matching(kind: str, ids: Text, patterns: list[str]) -> Bool:
-    chosen = np.zeros(len(ids), dtype=bool)
-    for pattern in patterns:
-        of_pattern = np.array([fnmatchcase(name, pattern) for name in ids.tolist()], dtype=bool)
-        if not of_pattern.any():
-            shown = ", ".join(map(printable, ids[:5].tolist()))
-            raise InputError(f"no {kind} has an id like {printable(pattern)}", remedy=f"the block has {shown} ...")
-        chosen |= of_pattern
-    return chosen

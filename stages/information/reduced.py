@@ -18,8 +18,6 @@ together are, though this one is adjusted with some of them.
 Source: Helmert 1880; Wolf 1978, The Helmert block method.
 """
 
-from fnmatch import fnmatchcase
-
 import numpy as np
 
 from aatri.adapters.bundle.information_of import information_of
@@ -31,7 +29,7 @@ from aatri.artifacts.information import Information
 from aatri.artifacts.solution import Solution
 from aatri.checks.as_read.screening import SEEN_ONCE
 from aatri.errors import InputError
-from aatri.ids import printable, several, shown
+from aatri.ids import matching, several, shown
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.shared_equations import shared_equations
 from aatri.plugin import SILENT, Context, Field, Options, stage
@@ -134,10 +132,5 @@ def _tell_lost_rays(block: Block, left_out: Bool, context: Context) -> None:
 
 def _chosen(kind: str, ids: Text, patterns: list[str], of_other: Text | None) -> Bool:
     """What matches a pattern, or the other block has too."""
-    chosen = np.zeros(len(ids), dtype=bool) if of_other is None else np.isin(ids, of_other)
-    for pattern in patterns:
-        matching = np.array([fnmatchcase(name, pattern) for name in ids.tolist()], dtype=bool)
-        if not matching.any():
-            raise InputError(f"keep: no {kind} has an id like {printable(pattern)}", remedy="name ids of this block")
-        chosen |= matching
-    return chosen
+    chosen = matching(kind, ids, patterns, where="keep")
+    return chosen if of_other is None else chosen | np.isin(ids, of_other)

@@ -6,7 +6,6 @@ points, and how many independent errors points have.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from fnmatch import fnmatchcase
 
 import numpy as np
 
@@ -26,9 +25,9 @@ from aatri.arrays import Float, Int
 from aatri.artifacts.block import CHECK, CONTROL, Block
 from aatri.artifacts.solution import IndependentErrors, Orderings, PointCovariances, ProposedNumbers
 from aatri.artifacts.suspects import Uncontrolled
-from aatri.errors import InputError, ResourceError
+from aatri.errors import ResourceError
 from aatri.frames.tangent import TangentFrame
-from aatri.ids import printable, several
+from aatri.ids import matching, several
 from aatri.observations.control import KIND as CONTROL_KIND
 from aatri.observations.observed import Observed
 from aatri.observations.poses import POINT, POSE
@@ -156,27 +155,6 @@ def _described(f: OrderingFigures, textbook: int | None, one_front: bool) -> str
     )
 
 
-def chosen_points(block: Block, patterns: Sequence[str]) -> Int:
-    """Rows of the points whose ids match one of the patterns (`*`, `?`, `[abc]`).
-
-    Raises
-    ------
-    InputError
-        If nothing matches a pattern.
-    """
-    ids, rows = block.points.id.tolist(), set[int]()
-    for pattern in patterns:
-        matching = [k for k, name in enumerate(ids) if fnmatchcase(name, pattern)]
-        if not matching:
-            raise InputError(
-                f"no point has an id like {printable(pattern)}",
-                where="options of bundle_adjustment/bundle: point_covariances",
-                remedy=f"the block has {several(len(ids), 'point')}: {', '.join(map(printable, ids[:5]))} ...",
-            )
-        rows.update(matching)
-    return np.array(sorted(rows), dtype=np.int64)
-
-
 def point_covariances(
     block: Block, result: BundleResult, frame: TangentFrame | None, patterns: Sequence[str]
 ) -> PointCovariances | None:
@@ -192,8 +170,8 @@ def point_covariances(
     if not patterns:
         return None
     determined = result.point_adjusted & np.isfinite(result.point_covariance_m2).all(axis=(1, 2))
-    rows = chosen_points(block, patterns)
-    rows = rows[determined[rows]]
+    chosen = matching("point", block.points.id, patterns, "options of bundle_adjustment/bundle: point_covariances")
+    rows = np.flatnonzero(chosen & determined)
     n = len(rows)
     if not n:
         return None

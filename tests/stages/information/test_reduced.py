@@ -255,7 +255,7 @@ def test_contradictions_are_refused_by_name() -> None:
 
 def test_patterns_of_what_stays_have_to_match() -> None:
     block = block_of_strips(False, 3)
-    with pytest.raises(AatriError, match="keep: no image has an id like X"):
+    with pytest.raises(AatriError, match="no image has an id like X"):
         said(block, cut(block, 0, 1), keep={"images": ["X"]})
 
 
