@@ -59,6 +59,14 @@ def shared_data() -> Path:
     return SHARED_DATA
 
 
+@pytest.fixture(scope="session")
+def interchange(shared_data: Path) -> Path:
+    """Folder of real files of other programs, likewise."""
+    if not (shared_data / "interchange").is_dir():
+        pytest.skip(f"real data not present: {shared_data / 'interchange'}")
+    return shared_data / "interchange"
+
+
 def _leaves_out_slow_tests(config: pytest.Config) -> bool:
     """Unless a mark is asked for, or tests by name."""
     by_name = config.option.keyword or any("::" in argument for argument in config.args)

@@ -48,33 +48,25 @@ stages:
 PIXEL_MM = 0.001
 
 
-@pytest.fixture
-def samples(shared_data: Path) -> Path:
-    folder = shared_data / "interchange"
-    if not folder.is_dir():
-        pytest.skip(f"real data not present: {folder}")
-    return folder
-
-
 @pytest.mark.slow(after=1)
 @pytest.mark.parametrize("name", MISSING)
 def test_a_sample_folder_is_refused_by_new_with_what_is_missing(
-    samples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+    interchange: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    result = aatri("new", "mine", "--from", samples / name)
+    result = aatri("new", "mine", "--from", interchange / name)
     assert result.exit_code == 3, "what a run would refuse, too"
     assert MISSING[name] in result.stderr
     assert "fix: " in result.stderr
 
 
 def test_photographs_beside_marks_get_their_tie_points_from_the_pixels(
-    samples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    interchange: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """MicMac's marks and control alone orient nothing; its photographs do."""
     pytest.importorskip("PIL")
     monkeypatch.chdir(tmp_path)
-    folder, photographs = samples / "micmac" / "Saisies-MMV1", tmp_path / "photographs"
+    folder, photographs = interchange / "micmac" / "Saisies-MMV1", tmp_path / "photographs"
     photographs.mkdir()
     for path in folder.glob("*.JPG"):
         (photographs / path.name).symlink_to(path)
@@ -89,11 +81,11 @@ def test_photographs_beside_marks_get_their_tie_points_from_the_pixels(
 
 @pytest.mark.slow
 def test_a_model_of_visualsfm_runs_and_says_that_its_principal_points_were_never_estimated(
-    samples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    interchange: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """NVM has the principal point in the middle of the image: what the rays of every eighth point contradict."""
     monkeypatch.chdir(tmp_path)
-    lines = (samples / "sfm" / "VisualSFM_example.nvm").read_text().splitlines()
+    lines = (interchange / "sfm" / "VisualSFM_example.nvm").read_text().splitlines()
     at = lines.index("7817")
     some = lines[at + 1 : at + 7818 : 8]
     Path("model.nvm").write_text("\n".join([*lines[:at], f"{len(some)}", *some, *lines[at + 7818 :], ""]))
@@ -106,9 +98,9 @@ def test_a_model_of_visualsfm_runs_and_says_that_its_principal_points_were_never
 
 
 @pytest.mark.slow
-def test_borea_adjusts_with_the_grid_of_the_geoid(samples: Path, tmp_path: Path) -> None:
+def test_borea_adjusts_with_the_grid_of_the_geoid(interchange: Path, tmp_path: Path) -> None:
     """Altitudes above RAF20 and ellipsoidal control in one block: residuals below 1 px."""
-    folder = samples / "borea"
+    folder = interchange / "borea"
     (tmp_path / "pipeline.yaml").write_text(BOREA.format(folder, f"geoid: '{folder}/fr_ign_RAF20.tif', "))
     result = aatri("run", tmp_path / "pipeline.yaml", "-q")
     assert result.exit_code == 0, result.stderr
@@ -120,9 +112,9 @@ def test_borea_adjusts_with_the_grid_of_the_geoid(samples: Path, tmp_path: Path)
     assert max(abs(float(row[v])) for row in rows for v in ("vx", "vy")) < 1.0 * PIXEL_MM
 
 
-def test_borea_without_the_grid_names_it(samples: Path, tmp_path: Path) -> None:
+def test_borea_without_the_grid_names_it(interchange: Path, tmp_path: Path) -> None:
     """EPSG:5720 are altitudes of France: PROJ knows by which grid they become ellipsoidal, and does not have it."""
-    (tmp_path / "pipeline.yaml").write_text(BOREA.format(samples / "borea", 'vertical: "EPSG:5720", '))
+    (tmp_path / "pipeline.yaml").write_text(BOREA.format(interchange / "borea", 'vertical: "EPSG:5720", '))
     result = aatri("run", tmp_path / "pipeline.yaml", "-q")
     assert result.exit_code != 0
     assert "fr_ign_RAF" in result.stderr

@@ -95,18 +95,18 @@ def test_sources_may_be_named_one_by_one(tmp_path: Path) -> None:
     assert "2 sources" in (tmp_path / "mine" / "pipeline.yaml").read_text()
 
 
-def test_a_distortion_of_micmac_is_exact_and_needs_no_leave(tmp_path: Path, shared_data: Path) -> None:
-    source = shared_data / "interchange" / "micmac" / "Ori-MMV1"
+def test_a_distortion_of_micmac_is_exact_and_needs_no_leave(tmp_path: Path, interchange: Path) -> None:
+    source = interchange / "micmac" / "Ori-MMV1"
     result = invoked("new", tmp_path / "mine", "--from", source)
     assert "7 images, but no image points" in result.stderr
     assert "lens-misfit" not in result.stderr
 
 
 @pytest.mark.slow
-def test_a_distortion_without_like_is_taken_by_leave_only(tmp_path: Path, shared_data: Path) -> None:
+def test_a_distortion_without_like_is_taken_by_leave_only(tmp_path: Path, interchange: Path) -> None:
     """A camera of MicMac whose distortion is centred 100 px beside the principal point, as none of aatri is."""
     name = "AutoCal_Foc-60000_Cam-NIKON_D810.xml"
-    text = (shared_data / "interchange" / "micmac" / "Ori-MMV1" / name).read_text()
+    text = (interchange / "micmac" / "Ori-MMV1" / name).read_text()
     source = tmp_path / name
     source.write_text(text.replace("<CDist>3715.", "<CDist>3815."))
     refused = invoked("new", tmp_path / "mine", "--from", source)
@@ -216,37 +216,37 @@ def test_a_block_of_strips_or_without_runs_by_the_pipeline_that_fits_it(tmp_path
 GEOID = "23FD1305_alt_test.OPK:geoid=fr_ign_RAF20.tif"
 
 
-def of_borea(shared_data: Path, tmp_path: Path, *settings: str) -> Result:
-    folder = shared_data / "interchange" / "borea"
+def of_borea(interchange: Path, tmp_path: Path, *settings: str) -> Result:
+    folder = interchange / "borea"
     said = [word for setting in settings for word in ("--set", setting)]
     return invoked("new", tmp_path / "mine", "--from", folder, "--without", "terrain_test0.mes", *said)
 
 
 @pytest.mark.slow
 def test_altitudes_above_a_grid_in_the_folder_run_with_what_is_set_on_the_command_line(
-    tmp_path: Path, shared_data: Path
+    tmp_path: Path, interchange: Path
 ) -> None:
     """Of three control points each is predicted by the others and the positions: 300 px would be 70 m."""
     settings = ["crs=EPSG:2154", GEOID, "23FD1305_alt_test.OPK:use=observed", "position_sigma=[0.1,0.1,0.1]"]
     settings += ["attitude_sigma_deg=0.005", "control_sigma=[0.1,0.1,0.1]"]
-    assert of_borea(shared_data, tmp_path, *settings).exit_code == 0
+    assert of_borea(interchange, tmp_path, *settings).exit_code == 0
     result = invoked("run", tmp_path / "mine" / "pipeline.yaml", "--quiet")
     assert result.exit_code == 0, result.stderr
     assert "as the standard deviations say" in result.stdout
 
 
 def test_a_grid_of_a_geoid_beside_the_files_is_told_with_the_setting_that_takes_it(
-    tmp_path: Path, shared_data: Path
+    tmp_path: Path, interchange: Path
 ) -> None:
-    result = of_borea(shared_data, tmp_path)
+    result = of_borea(interchange, tmp_path)
     assert "fr_ign_RAF20.tif: grid of a geoid, not used" in result.stderr
     assert f"--set crs=EPSG:... --set {GEOID}" in result.stderr
     assert "23FD1305_alt_test.OPK:use=observed --set position_sigma=" in result.stderr
     assert "--set position_sigma=[0.1,0.1,0.1] --set attitude_sigma_deg=0.01" in result.stderr
 
 
-def test_a_height_system_of_one_source_joins_the_coordinate_system_of_all(tmp_path: Path, shared_data: Path) -> None:
-    result = of_borea(shared_data, tmp_path, "crs=EPSG:2154", "23FD1305_alt_test.OPK:vertical=EPSG:5720")
+def test_a_height_system_of_one_source_joins_the_coordinate_system_of_all(tmp_path: Path, interchange: Path) -> None:
+    result = of_borea(interchange, tmp_path, "crs=EPSG:2154", "23FD1305_alt_test.OPK:vertical=EPSG:5720")
     assert result.exit_code == 3
     assert "fr_ign_RAF20" in result.stderr, "the grid that PROJ lacks is named"
 

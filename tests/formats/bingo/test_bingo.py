@@ -101,14 +101,12 @@ def test_a_line_of_a_million_digits_is_refused(tmp_path: Path) -> None:
         read_geoin(written(tmp_path, GEOIN.replace("10.0 20.0", f"{'7' * 1_000_000}x 20.0")))
 
 
-def test_radial_distortion_is_that_of_the_exporter(shared_data: Path) -> None:
+def test_radial_distortion_is_that_of_the_exporter(interchange: Path) -> None:
     """Metashape's k1, k2 of the same lens (lll.xml): measured - ideal = f (k1 r^3 + k2 r^5) at the ideal radius.
 
     Within the image (3.9 mm) they agree to 3 % of the correction: the two files are of different runs.
     """
-    folder = shared_data / "interchange" / "bingo"
-    if not folder.is_dir():
-        pytest.skip(f"real data not present: {folder}")
+    folder = interchange / "bingo"
     parts = read_geoin(folder / "geoin.dat")
     assert len(parts.ground_points["point"]) == 128
     z = np.array(parts.ground_points["xyz_m"])[:, 2]
@@ -128,11 +126,9 @@ def test_radial_distortion_is_that_of_the_exporter(shared_data: Path) -> None:
     assert len(images.image_points["xy"]) == 1219  # of 607 and 605 points; seven ids stand twice in an image
 
 
-def test_millimetres_beside_a_camera_in_pixels_of_no_stated_size_are_refused(shared_data: Path) -> None:
+def test_millimetres_beside_a_camera_in_pixels_of_no_stated_size_are_refused(interchange: Path) -> None:
     """4000 x 3000 pixels, points up to 3.1 mm from the centre: pixels of 0.001 mm, the nominal size, are too small."""
-    folder = shared_data / "interchange" / "bingo"
-    if not folder.is_dir():
-        pytest.skip(f"real data not present: {folder}")
+    folder = interchange / "bingo"
     camera = read_metashape(folder / "lll.xml")
     images = read_image_coordinates(folder / "bi.dat")
     images.images = {**images.images, "camera": [""] * 2}

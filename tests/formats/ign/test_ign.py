@@ -73,10 +73,8 @@ def test_damaged_lists_are_refused_with_their_place(
     assert "fix: " in str(refused.value)
 
 
-def test_the_files_of_borea_name_the_same_points(shared_data: Path) -> None:
-    folder = shared_data / "interchange" / "borea"
-    if not folder.is_dir():
-        pytest.skip(f"real data not present: {folder}")
+def test_the_files_of_borea_name_the_same_points(interchange: Path) -> None:
+    folder = interchange / "borea"
     marks = read_marks(folder / "terrain_test.mes").image_points
     points = read_ground_points(folder / "GCP_test.app").ground_points
     cameras = [read_camera(folder / f"Camera{k}.txt").cameras for k in (1, 2)]

@@ -23,11 +23,8 @@ CAMERA = "AutoCal_Foc-28000_Cam-PENTAX_K5.xml"
 
 
 @pytest.fixture
-def samples(shared_data: Path) -> Path:
-    folder = shared_data / "interchange" / "micmac"
-    if not folder.is_dir():
-        pytest.skip(f"real data not present: {folder}")
-    return folder
+def samples(interchange: Path) -> Path:
+    return interchange / "micmac"
 
 
 def orientations(samples: Path, tmp_path: Path, folder: str) -> Path:

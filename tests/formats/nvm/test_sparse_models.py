@@ -92,11 +92,9 @@ def test_a_point_of_bundler_is_projected_by_its_formula(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_nvm_and_colmap_of_one_scene_agree(shared_data: Path) -> None:
+def test_nvm_and_colmap_of_one_scene_agree(interchange: Path) -> None:
     """Two reconstructions of the same photographs, each by its own program: residuals and shape, not digits."""
-    folder = shared_data / "interchange" / "sfm"
-    if not folder.is_dir():
-        pytest.skip(f"real data not present: {folder}")
+    folder = interchange / "sfm"
     nvm = assembled([read_nvm(folder / "VisualSFM_example.nvm")])
     colmap = read_colmap(folder / "colmap_example_model_txt")
     assert len(nvm.images) == len(colmap.images) == 11

@@ -224,10 +224,8 @@ def test_damaged_projects_are_refused_with_their_place(
     assert "fix: " in str(refused.value)
 
 
-def test_the_examples_of_the_specification_end_in_a_message_that_names_what_is_missing(shared_data: Path) -> None:
+def test_the_examples_of_the_specification_end_in_a_message_that_names_what_is_missing(interchange: Path) -> None:
     """They are no consistent block: the tracks that the project names are not among them."""
-    folder = shared_data / "interchange" / "opf" / "examples"
-    if not folder.is_dir():
-        pytest.skip(f"real data not present: {folder}")
+    folder = interchange / "opf" / "examples"
     with pytest.raises(AatriError, match=r"project.opf:\d+: 'point_cloud/sparse.gltf' does not exist"):
         read_opf(folder)

@@ -58,10 +58,8 @@ def faults(value: Any, schema: dict[str, Any], root: dict[str, Any], folder: Pat
 
 
 @pytest.mark.parametrize("frame", ["map", "local"])
-def test_the_documents_are_valid_by_their_schemas(tmp_path: Path, shared_data: Path, frame: str) -> None:
-    schemas = shared_data / "interchange" / "opf" / "schema"
-    if not schemas.is_dir():
-        pytest.skip(f"schemas not present: {schemas}")
+def test_the_documents_are_valid_by_their_schemas(tmp_path: Path, interchange: Path, frame: str) -> None:
+    schemas = interchange / "opf" / "schema"
     block = made_block(FULL, UTM) if frame == "map" else made_block(FULL)
     write_opf(OrientedBlock(block), tmp_path)
     for name in ("project", *(name for names in ITEMS.values() for name in names)):
@@ -70,10 +68,8 @@ def test_the_documents_are_valid_by_their_schemas(tmp_path: Path, shared_data: P
         assert faults(json.loads(path.read_text()), schema, schema, schemas, name) == []
 
 
-def test_the_validator_finds_what_is_wrong(shared_data: Path) -> None:
-    schemas = shared_data / "interchange" / "opf" / "schema"
-    if not schemas.is_dir():
-        pytest.skip(f"schemas not present: {schemas}")
+def test_the_validator_finds_what_is_wrong(interchange: Path) -> None:
+    schemas = interchange / "opf" / "schema"
     schema = json.loads((schemas / "input_control_points.schema.json").read_text())
     mark = {"camera_id": -1, "position_px": [1.0], "accuracy": "1"}
     wrong = {"format": "x", "version": "1.0", "gcps": [], "mtps": [{"id": 1, "marks": [mark]}]}

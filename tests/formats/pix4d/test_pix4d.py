@@ -44,10 +44,8 @@ def test_a_point_is_projected_by_the_formula_of_pix4d(tmp_path: Path) -> None:
     assert block.cameras.id.tolist() == ["camera"]
 
 
-def test_the_matrices_of_168_images_are_those_of_their_parameters(shared_data: Path, tmp_path: Path) -> None:
-    folder = shared_data / "interchange" / "pix4d"
-    if not folder.is_dir():
-        pytest.skip(f"real data not present: {folder}")
+def test_the_matrices_of_168_images_are_those_of_their_parameters(interchange: Path, tmp_path: Path) -> None:
+    folder = interchange / "pix4d"
     parts = read_pix4d(folder)
     assert len(parts.images["id"]) == 168
     R = np.asarray(parts.exterior["ground_from_image"]) * [1, -1, -1]

@@ -32,17 +32,9 @@ EXPECTED = {
 }
 
 
-@pytest.fixture
-def samples(shared_data: Path) -> Path:
-    folder = shared_data / "interchange"
-    if not folder.is_dir():
-        pytest.skip(f"real data not present: {folder}")
-    return folder
-
-
 @pytest.mark.parametrize("folder", EXPECTED)
-def test_every_sample_is_recognised_by_its_content(samples: Path, folder: str) -> None:
-    assert {source.format.name for source in recognised(samples / folder)} == EXPECTED[folder]
+def test_every_sample_is_recognised_by_its_content(interchange: Path, folder: str) -> None:
+    assert {source.format.name for source in recognised(interchange / folder)} == EXPECTED[folder]
 
 
 @pytest.mark.parametrize("said", ["columns=image X Y Z omega phi kappa camera", "format=ign_opk"])
@@ -77,22 +69,22 @@ def test_only_lists_of_numbers_are_said_to_be_read_by_their_columns(tmp_path: Pa
     assert line.startswith("lists without a header are read by their columns: measured.txt; for example --set")
 
 
-def borea(samples: Path, reading: Reading, geoid: Path | None) -> list[BlockParts]:
-    folder = samples / "borea"
+def borea(interchange: Path, reading: Reading, geoid: Path | None) -> list[BlockParts]:
+    folder = interchange / "borea"
     parts = [read_source(folder / "23FD1305_alt_test.OPK", reading.model_copy(update={"geoid": geoid}), SILENT)]
     parts += [read_source(folder / "GCP_test.app", Reading(crs="EPSG:2154"), SILENT)]
     return parts + [read_source(folder / name, Reading(), SILENT) for name in ("Camera1.txt", "terrain_test.mes")]
 
 
-def test_borea_sees_its_control_with_the_grid_of_the_geoid(samples: Path) -> None:
+def test_borea_sees_its_control_with_the_grid_of_the_geoid(interchange: Path) -> None:
     """Altitudes of the images above RAF20, ellipsoidal heights of the control: within 1.4 px; without, 230 px and more.
 
     One pixel is what adjusted residuals stay below; these are of the orientations as they were delivered.
     """
-    grid = samples / "borea" / "fr_ign_RAF20.tif"
+    grid = interchange / "borea" / "fr_ign_RAF20.tif"
     misfits = {}
     for name, geoid in (("with", grid), ("without", None)):
-        block = assembled(borea(samples, Reading(crs="EPSG:2154"), geoid))
+        block = assembled(borea(interchange, Reading(crs="EPSG:2154"), geoid))
         xyz = dict(zip(block.ground_points.point.tolist(), block.ground_points.xyz_m))
         misfits[name] = [
             misfit_px(block, image, block.image_points.xy[rows], [xyz[p] for p in block.image_points.point[rows]])
@@ -104,21 +96,21 @@ def test_borea_sees_its_control_with_the_grid_of_the_geoid(samples: Path) -> Non
     assert np.concatenate(misfits["without"]).min() > 200
 
 
-def test_a_missing_grid_is_named(samples: Path, tmp_path: Path) -> None:
+def test_a_missing_grid_is_named(interchange: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"fr_ign_RAF\d\d.tif"):
-        assembled(borea(samples, Reading(crs="EPSG:2154", vertical="EPSG:5720"), None))
+        assembled(borea(interchange, Reading(crs="EPSG:2154", vertical="EPSG:5720"), None))
     with pytest.raises(InputError, match=r"no.tif: is no grid of a geoid"):
-        borea(samples, Reading(crs="EPSG:2154"), tmp_path / "no.tif")
+        borea(interchange, Reading(crs="EPSG:2154"), tmp_path / "no.tif")
     with pytest.raises(InputError, match=r"7 places lie outside of the grid fr_ign_RAF20.tif"):
-        borea(samples, Reading(crs="EPSG:32650"), samples / "borea" / "fr_ign_RAF20.tif")
+        borea(interchange, Reading(crs="EPSG:32650"), interchange / "borea" / "fr_ign_RAF20.tif")
     with pytest.raises(InputError, match=r"heights above a geoid, but no coordinate system"):
-        borea(samples, Reading(), samples / "borea" / "fr_ign_RAF20.tif")
+        borea(interchange, Reading(), interchange / "borea" / "fr_ign_RAF20.tif")
 
 
 @pytest.mark.slow
-def test_the_three_files_of_one_scene_agree(samples: Path) -> None:
+def test_the_three_files_of_one_scene_agree(interchange: Path) -> None:
     """OpenSfM's and COLMAP's are two programs' results of the same photographs: one rotation and scale between them."""
-    folder = samples / "sfm"
+    folder = interchange / "sfm"
     names = ("OpenSfM_example_meshed.json", "VisualSFM_example.nvm", "colmap_example_model_txt")
     blocks = [assembled([read_source(folder / name, Reading(), SILENT)]) for name in names]
     images = [[name.rpartition("/")[2] for name in block.images.id.tolist()] for block in blocks]
@@ -240,5 +232,5 @@ def test_a_file_of_a_folder_that_cannot_be_read_can_be_left_out(tmp_path: Path) 
     assert refused.value.remedy.endswith("or leave it out: --without bad.csv")
 
 
-def test_the_schema_of_a_project_is_no_project(samples: Path) -> None:
-    assert [r.path.name for r in recognised(samples / "opf")] == ["examples"]
+def test_the_schema_of_a_project_is_no_project(interchange: Path) -> None:
+    assert [r.path.name for r in recognised(interchange / "opf")] == ["examples"]

@@ -45,11 +45,8 @@ B 0 0 0
 
 
 @pytest.fixture
-def samples(shared_data: Path) -> Path:
-    folder = shared_data / "interchange" / "socet"
-    if not folder.is_dir():
-        pytest.skip(f"real data not present: {folder}")
-    return folder
+def samples(interchange: Path) -> Path:
+    return interchange / "socet"
 
 
 def written(tmp_path: Path, text: str, name: str = "img_1.ipf") -> Path:
