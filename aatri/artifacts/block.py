@@ -13,7 +13,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from aatri.arrays import Float, Int, Text
+from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.block_tables import (
     CameraParameters,
     Cameras,
@@ -201,6 +201,17 @@ class Block(Artifact):
         position_m[self.exterior.image] = self.exterior.position_m
         return position_m
 
+    @property
+    def given_m(self) -> Float:
+        """Coordinates of ground_points.csv in any role, point by point, (n_points, 3), m; NaN not given."""
+        xyz_m = np.full((len(self.points), 3), np.nan)
+        xyz_m[self.ground_points.point] = self.ground_points.xyz_m
+        return xyz_m
+
+    def points_given_as(self, *roles: int) -> Bool:
+        """Which points have a given coordinate in one of the roles, (n_points,)."""
+        return np.isin(np.arange(len(self.points)), self.ground_points.point[self.ground_points.given_as(*roles)])
+
     def read_at(self, rows: Imported, row: int) -> str:
         """`file:line` of a row of a table, the file of one that has no lines; empty if it was not imported."""
         file, line = int(rows.file[row]), int(rows.line[row])
@@ -208,7 +219,6 @@ class Block(Artifact):
 
     def metrics(self) -> dict[str, float | int | None]:
         """Counts of what was given."""
-        role = self.ground_points.role
         return {
             "images": int(self.images.active.sum()),
             "strips": len(self.strips),
@@ -216,8 +226,8 @@ class Block(Artifact):
             "points": len(self.points),
             "image_points": int(self.image_points.active.sum()),
             "fiducial_points": len(self.fiducial_points),
-            "control_points": int((role == CONTROL).any(axis=1).sum()),
-            "check_points": int((role == CHECK).any(axis=1).sum()),
+            "control_points": int(self.ground_points.given_as(CONTROL).sum()),
+            "check_points": int(self.ground_points.given_as(CHECK).sum()),
             "exterior_observations": int((self.exterior.position_use + self.exterior.angle_use > 0).sum()),
             "rejects": len(self.rejects),
         }

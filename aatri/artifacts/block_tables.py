@@ -3,6 +3,8 @@
 The latter are coordinates, exterior, geodetic observations, relative control. Conventions are those of `block`.
 """
 
+import numpy as np
+
 from aatri.arrays import Bool, Float, Int, Text
 from aatri.tables.schema import Table, column
 
@@ -151,6 +153,10 @@ class GroundPoints(Table):
     datum: Bool = column("bool", doc="the datum of a free network rests on it", default=False)
     file: Int = column("i4", doc="row in files", refers="files", optional=True, digest=False)
     line: Int = column("i4", doc="line in the file, from 1", optional=True, digest=False)
+
+    def given_as(self, *roles: int) -> Bool:
+        """Which rows have a coordinate in one of the roles."""
+        return np.asarray(np.isin(self.role, roles).any(axis=1))
 
 
 class GroundPointCovariances(Table):

@@ -76,14 +76,9 @@ def observed_images(block: Block) -> Bool:
     return np.isin(np.arange(len(block.images)), np.concatenate([block.exterior.image[observed], timed]))
 
 
-def controls(block: Block) -> Bool:
-    """Which ground points are control."""
-    return np.asarray((block.ground_points.role == CONTROL).any(axis=1))
-
-
 def no_similarity_open(block: Block) -> Bool:
     """Control where it leaves no similarity open, alone or with what else the block has; else none."""
-    control = controls(block)
+    control = block.ground_points.given_as(CONTROL)
     of_images = observed_positions(block).any() or observed_attitudes(block).any()
     between_points = block.geodetic.active.any() or len(block.relative_control) > 0
     return control & bool(control.sum() > 2 or of_images or between_points)

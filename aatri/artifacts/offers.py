@@ -21,14 +21,13 @@ from aatri.arrays import Bool, Float, Int, Text
 from aatri.artifacts.needed_datum import (
     SIMILARITY,
     WITHOUT_SHIFT,
-    controls,
     is_placed,
     no_similarity_open,
     observed_attitudes,
     observed_images,
     observed_positions,
 )
-from aatri.codes import ANTENNA, CHECK, OBSERVED_VALUE
+from aatri.codes import ANTENNA, CHECK, CONTROL, OBSERVED_VALUE
 from aatri.ids import several
 from aatri.tables.offers import Nature, Offer
 
@@ -145,14 +144,14 @@ _DECLARED = (
               "mounts of {camera} (block.yaml: mount) whose images have no roll, pitch, heading", "cameras",
               lambda b: _mounts(b) & ~_of_carrier(b)),
     _Declared("ground_points.xyz_m", "observation", "{control point} (ground_points.csv: X, Y, Z)", "ground_points",
-              controls),
+              lambda b: b.ground_points.given_as(CONTROL)),
     _Declared(SIMILARITY, "observation", "{control point} (ground_points.csv: X, Y, Z)", "ground_points",
               no_similarity_open, bears_on=""),
     _Declared("ground_points.covariance_m2", "standard deviation",
               "standard deviations of {control point} (ground_points.csv: sX, sY, sZ)", "ground_points",
-              lambda b: controls(b) & _weighted(b.ground_points.covariance_m2)),
+              lambda b: b.ground_points.given_as(CONTROL) & _weighted(b.ground_points.covariance_m2)),
     _Declared("ground_points:check", "check", "{check point} (ground_points.csv: role)", "ground_points",
-              lambda b: (b.ground_points.role == CHECK).any(axis=1), "Evaluation"),
+              lambda b: b.ground_points.given_as(CHECK), "Evaluation"),
     _Declared("ground_points.datum", "grouping", "datum marks of {point} (ground_points.csv: datum)",
               "ground_points", lambda b: b.ground_points.datum & ~is_placed(b)),
     _Declared("ground_points.datum:placed", "grouping",

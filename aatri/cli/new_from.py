@@ -198,8 +198,7 @@ def _to_match(block: Block) -> bool:
     """Whether tie points are to come from the photographs: all are there, and most have but control."""
     import numpy as np
 
-    surveyed = block.ground_points.point[np.isin(block.ground_points.role, (CONTROL, CHECK)).any(axis=1)]
-    ties = ~np.isin(block.image_points.point, surveyed)
+    ties = ~block.points_given_as(CONTROL, CHECK)[block.image_points.point]
     count = np.bincount(block.image_points.image[ties], minlength=len(block.images))
     return bool(len(block.images) and (block.images.path != "").all() and np.median(count) < FEWEST_RAYS)
 

@@ -62,7 +62,7 @@ def evaluate(
     truth = truth_differences(block, at_truth.solution) if at_truth else NO_DIFFERENCES
     rejected = np.isin(control.point, rejected_control(block, solution))
     left_out = leave_one_out(block, solution, control.take(~rejected))
-    rows = block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]
+    rows = block.ground_points.point[block.ground_points.given_as(CONTROL)]
     plan = solution.points.xyz_m[:, :2]
     figures = {
         **_control_figures(control.take(~rejected), int(rejected.sum())),

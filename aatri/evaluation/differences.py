@@ -73,9 +73,7 @@ def is_new(block: Block) -> Bool:
     -------
     (n,) bool
     """
-    new = np.ones(len(block.points), dtype=bool)
-    new[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = False
-    return new
+    return ~block.points_given_as(CONTROL)
 
 
 def rejected_control(block: Block, solution: Solution) -> Int:

@@ -79,7 +79,7 @@ def judged_layout(block: Block, solution: Solution, options: CriteriaOptions) ->
     largest = np.sqrt(np.linalg.eigvalsh(C[np.arange(len(rows)), :, np.arange(len(rows))])[:, -1])
     figures = {
         "images": float(solution.images.oriented.sum()),
-        "control_points": float((block.ground_points.role == CONTROL).any(axis=1).sum()),
+        "control_points": float(block.ground_points.given_as(CONTROL).sum()),
         "compared_points": float(len(rows)),
         **{f"median_sigma_{a}_m": float(s) for a, s in zip("xyz", np.sqrt(np.median(variance, axis=0)))},
         **{f"largest_sigma_{a}_m": float(s) for a, s in zip("xyz", np.sqrt(variance.max(axis=0)))},

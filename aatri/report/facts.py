@@ -64,7 +64,7 @@ def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
 
 def without_comparison(block: Block | None, figures: Mapping[str, float | int | None]) -> str:
     """Why nothing is compared at check points: there are none, they cannot carry the datum, or none is determined."""
-    count = 0 if block is None else int((block.ground_points.role == CHECK).any(axis=1).sum())
+    count = 0 if block is None else int(block.ground_points.given_as(CHECK).sum())
     if not count:
         return "no check points"
     free = figures.get("check_aligned_components") == -1

@@ -208,8 +208,7 @@ def _of_evaluation(block: Block, solution: Artifact | None, made: Evaluation) ->
     row = {point: k for k, point in enumerate(block.points.id.tolist())}
     d, figures = made.differences, dict(zip(made.figures.name.tolist(), made.figures.value.tolist()))
     if isinstance(solution, Solution):
-        control_m = np.full((len(block.points), 3), np.nan)
-        control_m[block.ground_points.point] = block.ground_points.xyz_m
+        control_m = block.given_m
         for kind in ("control", "check"):
             of_kind = d.kind == kind
             at = [row[point] for point in d.point[of_kind].tolist()]

@@ -51,7 +51,7 @@ def models(*, options: ModelsOptions, context: Context = SILENT) -> Block:
     report(wrong_values(block), context)
     assert block.model_coordinates is not None
     models_xyz = block.model_coordinates
-    used = block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]
+    used = block.ground_points.point[block.ground_points.given_as(CONTROL)]
     unseen = block.points.id[np.setdiff1d(used, models_xyz.point)]
     if len(unseen):
         context.warn(f"control in no model: {shown(unseen.tolist())}; are the names of its points others there?")

@@ -215,8 +215,7 @@ def independent_errors_table(block: Block, result: BundleResult, *, tests: bool)
     adjusted = result.adjusted
     counts: dict[str, Float] = {}
     ground = block.ground_points
-    new = determined.all(axis=1)
-    new[ground.point[(ground.role == CONTROL).any(axis=1)]] = False
+    new = determined.all(axis=1) & ~block.points_given_as(CONTROL)
     if new.any():
         members = new[:, None] & np.ones(3, dtype=bool)
         counts[NEW_POINTS] = independent_errors(adjusted, POINT, members, variance, none)

@@ -28,7 +28,7 @@ def lost_control(block: Block) -> list[Finding]:
     ground, rows = block.ground_points, block.image_points
     is_used = joined(block)
     is_used[rows.point[rows.active]] = True
-    named = np.flatnonzero(np.isin(ground.role, (CONTROL, CHECK)).any(axis=1))
+    named = np.flatnonzero(ground.given_as(CONTROL, CHECK))
     lost = [row for row in named.tolist() if not is_used[ground.point[row]]]
     if not lost or not is_used.any():
         return []
@@ -41,7 +41,7 @@ def lost_control(block: Block) -> list[Finding]:
     meant = {row: measured[_plain(name)] for row, name in zip(lost, ids) if _plain(name) in measured}
     if not meant:
         return []
-    control = np.flatnonzero((ground.role == CONTROL).any(axis=1))
+    control = np.flatnonzero(ground.given_as(CONTROL))
     first = next(iter(meant))
     level: Level = "warning"
     what = "points with coordinates that nothing measures"

@@ -117,9 +117,7 @@ def _points_twice(block: Block) -> tuple[Block, list[Finding]]:
     if not len(a):
         return block, []
     seen = np.bincount(point, minlength=len(block.points))
-    is_control = np.zeros(len(block.points), dtype=bool)
-    is_control[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = True
-    p, q = point[a], point[b]
+    is_control, p, q = block.points_given_as(CONTROL), point[a], point[b]
     first = (is_control[p] > is_control[q]) | (
         (is_control[p] == is_control[q]) & (seen[p] >= seen[q])
     )  # which of the two goes on

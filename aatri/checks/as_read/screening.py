@@ -182,9 +182,7 @@ def _images_per_point(block: Block, active: Bool) -> Int:
 
 def _has_prior(block: Block) -> Bool:
     """Points that one ray may determine: control, or with geodetic observations or relative control."""
-    prior = np.zeros(len(block.points), bool)
-    prior[block.ground_points.point[(block.ground_points.role == CONTROL).any(axis=1)]] = True
-    return prior | joined(block)
+    return block.points_given_as(CONTROL) | joined(block)
 
 
 def _has_position(block: Block) -> Bool:
@@ -219,7 +217,7 @@ def _too_many(block: Block, images: Rows, points: Rows, share: float) -> list[Fi
 def _with_rejects(block: Block, images: Rows, points: Rows) -> Block:
     """The block without the rows, and with what no image shows, listed in its rejects."""
     ground, rows = block.ground_points, list(points.reasons)
-    unseen = np.isin(ground.role, (CONTROL, CHECK)).any(axis=1)
+    unseen = ground.given_as(CONTROL, CHECK)
     unseen &= ((_images_per_point(block, points.active) == 0) & ~joined(block))[ground.point]
     names = block.images.id[list(images.reasons)].tolist()
     block = rejected(block, "image", block.images, list(images.reasons), names, list(images.reasons.values()))

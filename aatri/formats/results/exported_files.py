@@ -85,10 +85,8 @@ def short_names(ids: Sequence[str], longest: int, *, numbers: bool = False) -> t
 def contents_of(oriented: OrientedBlock) -> dict[Content, int]:
     """How much there is of each content that a format may carry; what is not there is left out."""
     block = oriented.block
-    role, e = block.ground_points.role, block.exterior
-    control, check = (role == CONTROL).any(axis=1), (role == CHECK).any(axis=1)
-    bound = np.zeros(len(block.points), dtype=bool)
-    bound[block.ground_points.point[control | check]] = True
+    control, check, e = block.ground_points.given_as(CONTROL), block.ground_points.given_as(CHECK), block.exterior
+    bound = block.points_given_as(CONTROL, CHECK)
     correlations = block.ground_points.covariance_m2.copy()
     correlations[:, range(3), range(3)] = 0.0
     counts: dict[Content, int] = {

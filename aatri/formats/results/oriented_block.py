@@ -94,9 +94,7 @@ class OrientedBlock:
         """Coordinates of points (p, 3), NaN where not known."""
         if self.solution is not None:
             return self.solution.points.xyz_m
-        xyz = np.full((len(self.block.points), 3), np.nan)
-        xyz[self.block.ground_points.point] = self.block.ground_points.xyz_m
-        return xyz
+        return self.block.given_m
 
     @cached_property
     def oriented(self) -> Bool:

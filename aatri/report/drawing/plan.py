@@ -104,11 +104,9 @@ def ground_positions(block: Block, solution: Solution | None) -> Float:
     -------
     (n, 3) float64, m
     """
-    coordinates = np.full((len(block.points), 3), np.nan)
-    coordinates[block.ground_points.point] = block.ground_points.xyz_m
     if solution is None:
-        return coordinates
-    return np.where(np.isfinite(solution.points.xyz_m), solution.points.xyz_m, coordinates)
+        return block.given_m
+    return np.where(np.isfinite(solution.points.xyz_m), solution.points.xyz_m, block.given_m)
 
 
 def footprints(block: Block, solution: Solution | None) -> Float:
@@ -155,10 +153,7 @@ def roles(block: Block) -> Int:
     -------
     (n,) int
     """
-    role = np.zeros(len(block.points), int)
-    for code in (CHECK, CONTROL):
-        role[block.ground_points.point[(block.ground_points.role == code).any(axis=1)]] = code
-    return role
+    return np.where(block.points_given_as(CONTROL), CONTROL, np.where(block.points_given_as(CHECK), CHECK, 0))
 
 
 def _points(block: Block, solution: Solution | None, ground: Float, images: Int) -> tuple[list[Marks], list[str]]:
