@@ -1,4 +1,4 @@
-"""Relative orientation of film: its covariance counts what the fiducial marks leave open of both images."""
+"""Pairs of images: which are oriented, and the covariance of film, with what fiducial marks leave open of both."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import aatri.adapters.pairs.models as of_pairs
+from aatri.adapters.pairs.image_pairs import joining_pairs, strongest_pairs
 from aatri.artifacts.block import Block
 from aatri.artifacts.models import Models
 from aatri.geometry.rotations import log_rotation
@@ -50,3 +51,22 @@ def test_covariances_of_orientations_hold_for_film_with_marks_as_uncertain_as_it
     scatter = np.std(counted, ddof=1) / np.sqrt(BLOCKS)
     assert abs(np.mean(counted) - 1) < 4 * scatter < 0.5
     assert np.mean(ignored) > 2.5  # what the points alone would have one believe
+
+
+# Which pairs of images are oriented, where not all are.
+
+
+def test_the_pair_of_few_points_that_joins_two_parts_is_among_the_strongest_of_each_image() -> None:
+    """Two parts of five images, each paired with each; 7 points in common join them, and 6 elsewhere."""
+    left, right = np.triu_indices(10, k=1)
+    within = (left < 5) == (right < 5)
+    common = np.where(within, 20 + left + right, np.where((left == 0) & (right == 9), 7, 5))
+    common[(left == 0) & (right == 1)] = 6
+    images = np.column_stack([left, right])
+    joining = joining_pairs(images, common, 10, 8, 6)
+    images, common = images[joining], common[joining]
+    assert joining.sum() == 2 * 10 - 1 + 1  # without the pair of 6 points, whose images others join
+    kept = strongest_pairs(images, common, 10, 3, 8)
+    assert images[kept & (common < 8)].tolist() == [[0, 9]]
+    assert np.bincount(images[kept & (common >= 8)].ravel(), minlength=10).min() >= 3
+    assert (kept & (common >= 8)).sum() < 2 * 10 - 1

@@ -14,8 +14,10 @@ from aatri.errors import ConvergenceError
 from aatri.observations.control import Control
 from aatri.observations.parameters import ParameterRows
 from aatri.observations.poses import FILM, POSE
+from aatri.orientation.bundle import complete_start
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders import points
 from aatri.orientation.bundle.blunders.robust import AdjustOptions
 from aatri.orientation.bundle.groups.failed_search import (
     searched_again,
@@ -25,8 +27,10 @@ from aatri.orientation.bundle.groups.failed_search import (
 )
 from aatri.orientation.bundle.result import BundleResult, distance_tests
 from aatri.orientation.bundle.rounds import AdjustedBlock
+from aatri.stages.bundle_adjustment.bundle import bundle
 from tests.orientation.bundle.made_bundle import made_bundle
 from tests.orientation.bundle.parts import settings
+from tests.stages.chain import run_chain, simulated
 
 
 def _least_squares(block: BundleInput, _: AdjustOptions) -> BundleResult:
@@ -165,3 +169,20 @@ def test_no_image_is_left_out_on_trial_where_all_of_them_are_open(what: str, exa
     with pytest.raises(OpenError):
         searched_again(replace(parts, parameters=(film,)).together(), failing, failing, failure)
     assert len(adjusted) == (1 if exact and what not in OF_AN_IMAGE else 1 + 6)
+
+
+# What is wrong at points does not depend on how many of them are looked at together.
+
+
+@pytest.mark.slow
+def test_few_points_at_a_time_give_the_same_rejections(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {"image_points": 0.03, "size_sigmas": [10, 200]}
+    flight, ties = {"strips": 2, "images_per_strip": 5}, {"new_points": 150}
+    chain = run_chain(simulated(3, preset="rc30", flight=flight, ties=ties, gross_errors=errors))
+    together = bundle(chain.block, chain.refined, chain.strip_block)
+    monkeypatch.setattr(points, "AT_ONCE", 30)
+    monkeypatch.setattr(complete_start, "AT_ONCE", 50)
+    in_pieces = bundle(chain.block, chain.refined, chain.strip_block)
+    assert together.suspects.staying_out.sum() > 5
+    assert in_pieces.suspects.verdict.tolist() == together.suspects.verdict.tolist()
+    np.testing.assert_allclose(in_pieces.points.xyz_m, together.points.xyz_m, atol=1e-8)
