@@ -31,6 +31,14 @@ ONCE_LOST = (
     # rays that are parallel but for noise: a point 990 km below the ground, and not a word
     "control=perimeter positions=none attitudes=none tilt=5 camera=digital parameters=fixed sigmas=right "
     "wrong=parallel seed=1 sigmas_of=image noise=normal",
+    # strips of known attitudes, each with one control point, that share one or two points: no scale of their own
+    "control=two positions=none attitudes=all tilt=0 camera=digital parameters=free sigmas=right wrong=weak "
+    "seed=30760 sigmas_of=control noise=normal",
+    "control=two positions=none attitudes=all tilt=40 camera=film parameters=removable sigmas=right wrong=weak "
+    "seed=30535 sigmas_of=image noise=normal",
+    # control that a single ray of a strip shows gives its scale
+    "control=two positions=none attitudes=all tilt=40 camera=digital parameters=fixed sigmas=right wrong=weak "
+    "seed=30941 sigmas_of=control noise=normal",
 )
 """Random cells that ended badly at some time."""
 

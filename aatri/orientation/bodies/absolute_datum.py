@@ -147,9 +147,16 @@ def parts_together(
     parts: Sequence[OrientedPart],
     failed: Sequence[Failed],
     settings: OrientationSettings,
+    others: Sequence[FreeBody] = (),
 ) -> dict[int, tuple[OrientedPart, list[Note]]]:
-    """Components that what they share and control determine, together or beside parts that are oriented, by number."""
-    on_ground = [part.on_ground for part in parts]
+    """Components that what they share and control determine, together or beside parts that are oriented, by number.
+
+    Parameters
+    ----------
+    others : sequence of FreeBody
+        What else is oriented.
+    """
+    on_ground = [*others, *(part.on_ground for part in parts)]
     bodies = [_with_control(block_strips, component).body for component, _, _ in failed]
 
     def oriented(k: int, begun: Mapping[int, Similarity]) -> tuple[OrientedPart, list[Note]] | None:

@@ -25,7 +25,9 @@ from aatri.orientation.bodies.absolute_datum import (
     strip_points_of,
     usable_ties,
 )
+from aatri.orientation.bodies.by_attitudes import images_by_attitudes
 from aatri.orientation.bodies.components import FreeBlock, join_strips, strip_names
+from aatri.orientation.bodies.datum_analysis import OpenDatumError
 from aatri.orientation.bodies.ground_fit import distant_start, fit_notes, height_notes, misfitting_strips
 from aatri.orientation.bodies.limits import MOST_CANDIDATE_STRIPS, ONE_MISFIT_IN
 from aatri.orientation.bodies.wrong_tables import ONE_ROW, one_row_off
@@ -257,6 +259,9 @@ def _joined_and_oriented(
 
     def beside_each_other(failed: list[Failed]) -> list[Failed]:
         together = parts_together(block_strips, parts, failed, settings) if failed else {}
+        if len(together) < len(failed) and any(isinstance(error, OpenDatumError) for _, _, error in failed):
+            turned = images_by_attitudes(block_strips.ground, block_strips.rays)
+            together = together if turned is None else parts_together(block_strips, parts, failed, settings, [turned])
         parts.extend(part for part, _ in together.values())
         notes.extend(note for _, of_part in together.values() for note in of_part)
         return [one for k, one in enumerate(failed) if k not in together]

@@ -65,6 +65,8 @@ class GroundObserved:
 
     block: Block
     """In its own frame, without image points and correlations between points."""
+    inside: Block
+    """In the frame of the adjustment."""
     origin_m: Float
     """(3,), m. In the frame of the adjustment; all places are reduced to it."""
     use_positions: bool
@@ -123,7 +125,7 @@ def ground_observed(
         position_m = inside.ground_points.xyz_m[inside.ground_points.datum]
     without = {name: getattr(as_given, name).take(np.zeros(0, dtype=np.int64)) for name in LEFT_TO_THE_BUNDLE}
     origin = origin_of(control, position_m)
-    return GroundObserved(replace(as_given, **without), origin, use_positions, frame, geodesy)
+    return GroundObserved(replace(as_given, **without), inside, origin, use_positions, frame, geodesy)
 
 
 def with_level_images(ground: GroundObserved, image: Int) -> GroundObserved:

@@ -12,6 +12,8 @@ from aatri.adjustment.threads import in_threads
 from aatri.arrays import Float, Int, finite_rows, ranges
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.intersection import intersect_rays
+from aatri.geometry.known_rotations import DirectedRays, ObservedPlaces, places_by_rays
+from aatri.geometry.vectors import unit
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.resection.adjustment import resect_images
@@ -20,6 +22,9 @@ from aatri.orientation.resection.start import linear_orientation, start_orientat
 
 MOST_PARTNERS = 8
 """Rays of a point with which each of them is tried."""
+
+TURN_RAD = 1e-3
+"""Standard deviation of a rotation that is offered, about: what counts is which places it lets rays determine."""
 
 AT_ONCE = 200_000
 """Residuals that are held at a time, some 40 MB."""
@@ -46,6 +51,8 @@ def complete_start(
         completed = _resected(rays, poses, xyz_m, linear, offered or poses)
         if (completed.oriented == poses.oriented).all() and offered is not None:
             completed = _as_offered(rays, poses, offered)
+        if (completed.oriented == poses.oriented).all() and offered is not None:
+            completed = _as_offered(rays, poses, _turned_as_offered(rays, poses, xyz_m, offered))
         if (completed.oriented == poses.oriented).all():
             return completed, xyz_m
         poses = completed
@@ -66,6 +73,26 @@ def _as_offered(rays: ImagePointRows, poses: Poses, offered: Poses) -> Poses:
     )
     total, count = (np.bincount(rays.image[np.unique(rows)], minlength=n) for rows in (both, both[fits]))
     return offered.where(candidates & (count >= MIN_POINTS) & (count >= (1.0 - LEAST_FITTING) * total), poses)
+
+
+def _turned_as_offered(rays: ImagePointRows, poses: Poses, xyz_m: Float, offered: Poses) -> Poses:
+    """Images of which a rotation is offered, where their rays and what is known place them."""
+    n, turned = len(poses.position_m), ~poses.oriented & finite_rows(offered.ground_from_image)
+    if not turned.any():
+        return poses
+    rotated = poses.where(poses.oriented, offered)
+    shown = np.isin(rays.point, rays.point[rays.active & turned[rays.image]])
+    rows = np.flatnonzero(rays.active & shown & finite_rows(rotated.ground_from_image)[rays.image])
+    places = np.concatenate([poses.position_m, xyz_m])
+    there = np.flatnonzero(finite_rows(places))
+    directed = DirectedRays(
+        rays.image[rows].astype(np.int64),
+        n + rays.point[rows].astype(np.int64),
+        unit(rays.directions(rotated, rows)),
+        np.full(len(rows), TURN_RAD),
+    )
+    exact = ObservedPlaces(there, places[there], np.zeros((len(there), 3)))
+    return Poses(places_by_rays(directed, exact, len(places))[0][:n], rotated.ground_from_image)
 
 
 def _pairs(rays: ImagePointRows, use: Int) -> Int:

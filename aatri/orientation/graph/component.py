@@ -20,7 +20,8 @@ from aatri.ids import shown
 from aatri.observations.image_point_rows import ImagePointRows, residuals_mm
 from aatri.observations.image_points import observed_image_points
 from aatri.observations.observed import named
-from aatri.observations.poses import Poses
+from aatri.observations.poses import POINT, POSE, Poses
+from aatri.orientation.bodies.free_body import FreeBody
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.settings import BundleSettings
@@ -86,6 +87,15 @@ class ImageComponent:
         poses = Poses(transform(to, self.poses.position_m), to.rotation @ self.poses.ground_from_image)
         bends = tuple((to.scale * a @ to.rotation.T, to.scale * b @ to.rotation.T) for a, b in self.bends)
         return replace(self, poses=poses, xyz=transform(to, self.xyz), bends=bends)
+
+
+def component_of(body: FreeBody, rays: ImagePointRows) -> ImageComponent:
+    """Images and points of a body, with the rays that fit it."""
+    has = body.has
+    rows = np.flatnonzero(rays.active & has[POSE][rays.image] & has[POINT][rays.point])
+    fits = rows[residuals_mm(rays, rows, body.poses, body.xyz) <= WIDE_RAD * rays.c_mm[rows]]
+    spread = _spread(rays, fits, body.poses, body.xyz)
+    return ImageComponent(body.poses, body.xyz, np.isin(np.arange(len(rays.image)), fits), spread)
 
 
 def adjusted_component(

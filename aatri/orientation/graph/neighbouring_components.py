@@ -6,15 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from aatri.arrays import Text, finite_rows
-from aatri.errors import ConvergenceError, GeometryError
-from aatri.geometry.similarity import Similarity
-from aatri.ids import shown
+from aatri.errors import AatriError, ConvergenceError, GeometryError
+from aatri.geometry.similarity import IDENTITY, Similarity
+from aatri.ids import several, shown
+from aatri.notes import Note
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.observed import Observed
 from aatri.orientation.bodies.absolute import OrientationSettings, OrientedBody
+from aatri.orientation.bodies.by_attitudes import images_by_attitudes
+from aatri.orientation.bodies.datum_analysis import OpenDatumError
 from aatri.orientation.bodies.ground_observed import GroundObserved, oriented_by, strain
 from aatri.orientation.bodies.neighbouring_bodies import beside_neighbours, oriented_together
-from aatri.orientation.graph.component import ImageComponent
+from aatri.orientation.graph.component import ImageComponent, component_of
 from aatri.orientation.graph.component_bodies import body_of
 from aatri.orientation.graph.limits import CONTRADICTED, FEWEST_OTHERS, MOST_SHARED
 
@@ -105,3 +108,18 @@ def together(
 
     bodies, placed = ([body_of(c, rays) for c in cs] for cs in (components, neighbours))
     return oriented_together(ground, placed, bodies, oriented)
+
+
+def placed_by_attitudes(
+    ground: GroundObserved, rays: ImagePointRows, failures: Sequence[AatriError]
+) -> tuple[OnGround, Note] | None:
+    """Images with observed attitudes that all rays, control and positions together place, where components are open."""
+    if not any(isinstance(failure, OpenDatumError) for failure in failures):
+        return None
+    if (body := images_by_attitudes(ground, rays)) is None:
+        return None
+    component = component_of(body, rays)
+    placed = several(int(component.images.sum()), "image", "is", "are")
+    reasons = "; ".join(failure.what for failure in failures)
+    note = Note("note", f"{placed} placed by attitudes, rays, control and positions together; without them {reasons}")
+    return OnGround(component, None, IDENTITY), note

@@ -50,7 +50,7 @@ from aatri.orientation.graph.ground_tests import (
     without_one,
 )
 from aatri.orientation.graph.limits import FEWEST_TO_JOIN, OPEN_MOTION
-from aatri.orientation.graph.neighbouring_components import OnGround, by_neighbours, together
+from aatri.orientation.graph.neighbouring_components import OnGround, by_neighbours, placed_by_attitudes, together
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -62,6 +62,8 @@ IMAGES_ALONE = (
 )
 NOTHING_PLACES = "no control and no observed positions: the datum is free"
 BY_DATUM_POINTS = "the datum points place it, to begin a bundle with `datum: free` and `datum_over: marked`"
+Left = tuple[ImageComponent, str, AatriError, str]
+"""A component that is not on the ground, what messages call it, why, and why what it shares does not place it."""
 
 
 def to_ground(
@@ -101,6 +103,10 @@ def to_ground(
         notes += of_part
     left, of_shared = _by_what_they_share(ground, failed, rays, done, settings)
     notes += of_shared
+    if turned := placed_by_attitudes(ground, rays, [failure for _, _, failure, _ in left]):
+        done.append(turned[0])
+        notes.append(turned[1])
+        left = [one for one in left if not turned[0].component.images[one[0].images].all()]
     for component, what, failure, by_shared in left:
         part_or_none, of_part = _otherwise(ground, component, rays, done, what, settings, failure, by_shared)
         notes += of_part
@@ -177,11 +183,11 @@ def _by_what_they_share(
     rays: ImagePointRows,
     done: list[OnGround],
     settings: OrientationSettings,
-) -> tuple[list[tuple[ImageComponent, str, AatriError, str]], list[Note]]:
+) -> tuple[list[Left], list[Note]]:
     """Components by others on the ground, and together, as long as `done` grows. Those left, with the reason."""
     left, notes = [(*one, "") for one in failed], list[Note]()
     while True:
-        before, others = len(done), list[tuple[ImageComponent, str, AatriError, str]]()
+        before, others = len(done), list[Left]()
         for component, what, failure, _ in left:
             beside = by_neighbours(ground, component, rays, [part.component for part in done], what, settings)
             if isinstance(beside, str):

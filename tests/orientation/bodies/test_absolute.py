@@ -154,7 +154,7 @@ def on_ground(made: MadeBody) -> GroundObserved:
     cameras, images = {"id": ["c"], "principal_distance_mm": 100.0}, {"id": ["0", "1"], "camera": ["c", "c"]}
     points = [str(k) for k in range(len(made.body.xyz))]
     block = block_of(name="body", cameras=cameras, images=images, points=points)
-    return GroundObserved(block, np.zeros(3), False, None, None, beside=tuple(made.observed))
+    return GroundObserved(block, block, np.zeros(3), False, None, None, beside=tuple(made.observed))
 
 
 def test_where_a_body_fails_it_lies_without_the_one_distance_that_contradicts_all_else() -> None:

@@ -1,0 +1,57 @@
+"""Places by rays of known directions: two strips that share one point, each with one control point."""
+
+import numpy as np
+
+from aatri.geometry.known_rotations import DirectedRays, ObservedPlaces, places_by_rays
+from aatri.geometry.vectors import unit
+
+CENTRES = np.array([[0, 0, 500], [300, 10, 510], [600, -5, 495], [0, 400, 505], [300, 395, 490], [600, 410, 500.0]])
+POINTS = np.array([[50, -90, 3], [150, -20, 10], [450, 30, 5], [350, 200, 0], [60, 450, 8], [420, 500, 2.0]])
+SEEN = {0: (0, 1, 3), 1: (0, 1, 2, 3), 2: (1, 2, 3), 3: (3, 4, 5), 4: (3, 4, 5), 5: (4, 5)}
+"""Points of each centre; the first three are one strip, which shares point 3 with the other."""
+
+
+def rays_of(noise_rad: float = 0.0) -> DirectedRays:
+    centre, point = np.array([(k, 6 + p) for k, points in SEEN.items() for p in points]).T
+    places = np.concatenate([CENTRES, POINTS])
+    noise = np.random.default_rng(3).normal(0.0, noise_rad, (len(centre), 3))
+    return DirectedRays(centre, point, unit(unit(places[point] - places[centre]) + noise), np.full(len(centre), 1e-4))
+
+
+def known_points(*points: int) -> ObservedPlaces:
+    rows = np.array(points)
+    return ObservedPlaces(6 + rows, POINTS[rows], np.full((len(rows), 3), 0.01))
+
+
+def test_strips_of_one_control_point_each_are_placed_by_the_point_they_share() -> None:
+    xyz, _ = places_by_rays(rays_of(), known_points(0, 5), 12)
+    assert np.allclose(xyz, np.concatenate([CENTRES, POINTS]), atol=1e-4)
+
+
+def test_places_are_off_by_what_their_covariances_say() -> None:
+    xyz, covariance = places_by_rays(rays_of(1e-4), known_points(0, 5), 12)
+    off, sigma = np.abs(xyz - np.concatenate([CENTRES, POINTS])), np.sqrt(np.einsum("nii->ni", covariance))
+    assert (off < 5 * sigma).all()
+    assert sigma.max() < 5.0
+
+
+def test_a_single_ray_to_control_gives_the_scale() -> None:
+    rays = rays_of()
+    others = (rays.centre < 3) & ~((rays.point == 8) & (rays.centre == 1))
+    strip = DirectedRays(rays.centre[others], rays.point[others], rays.direction[others], rays.sigma_rad[others])
+    xyz, _ = places_by_rays(strip, known_points(0, 2), 12)
+    assert np.allclose(xyz[:3], CENTRES[:3], atol=1e-4)
+
+
+def test_without_a_scale_nothing_is_placed() -> None:
+    xyz, _ = places_by_rays(rays_of(), known_points(0), 12)
+    assert np.isnan(np.delete(xyz, 6, axis=0)).all()
+
+
+def test_one_wrong_direction_does_not_move_the_others() -> None:
+    rays = rays_of()
+    rays.direction[2] = unit(rays.direction[2] + np.array([0.02, 0.0, 0.0]))
+    xyz, _ = places_by_rays(rays, known_points(0, 2, 3, 5), 12)
+    off = np.abs(xyz - np.concatenate([CENTRES, POINTS]))
+    assert np.isfinite(off[1:6]).all()
+    assert np.nanmax(off) < 1e-3
