@@ -68,6 +68,7 @@ class Small:
     relative: list[dict[str, Any]] = field(default_factory=list)
     camera: dict[str, Any] = field(default_factory=dict)
     more_cameras: dict[str, Any] = field(default_factory=dict)
+    camera_of: dict[str, str] = field(default_factory=dict)
     noise: float = 1.0
 
     def seen_by(self, image: str) -> list[str]:
@@ -115,7 +116,10 @@ class Small:
         angles_deg = dict(zip(self.strip, errors[500:, 3:] * 0.005))
         places_m = dict(zip(self.strip, errors[500:, :3] * 0.05))
         write = {
-            "images.csv": ["image,camera,strip,sequence", *(f"{i},a,{s},{k}" for i, (s, k) in self.strip.items())],
+            "images.csv": [
+                "image,camera,strip,sequence",
+                *(f"{i},{self.camera_of.get(i, 'a')},{s},{k}" for i, (s, k) in self.strip.items()),
+            ],
             "image_points.csv": [
                 "image,point,x,y",
                 *(f"{i},{p},{x!r},{y!r}" for (i, p), (x, y) in ((key, xy.tolist()) for key, xy in self.rays.items())),

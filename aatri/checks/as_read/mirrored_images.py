@@ -22,12 +22,26 @@ import numpy as np
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
 from aatri.checks.as_read.images_in_strips import Complex, ImagesInStrips, images_in_strips
-from aatri.checks.limits import MIRRORED_BETTER, NOT_MIRRORED
+from aatri.checks.as_read.measured_twice import of_image_and_point
+from aatri.checks.limits import COMPARED_POINTS, MIRRORED_BETTER, NOT_MIRRORED
+from aatri.codes import CONTROL
 
 MIRRORED = (
     "fits the images beside it in its strip only as a mirror image: measured from the wrong side of the film or scan "
     "(negate its x in image_points.csv), or looking from the other side (give it a strip of its own)"
 )
+
+MIRRORED_CAMERA = (
+    "camera {}: its images fit those of other cameras only as mirror images: measured from the wrong side; negate x, "
+    "or y, of all its points in image_points.csv"
+)
+EITHER_CAMERA = "cameras {} see the same points from opposite sides: the images of some fit the others mirrored"
+EITHER_REMEDY = (
+    "negate x, or y, of all points of the camera that is measured from the wrong side, in image_points.csv; four "
+    "control points in an image would tell which it is"
+)
+PARTNERS = 8
+"""Rays of a point with which each of them is compared."""
 
 
 def mirrored_images(block: Block, xy_mm: Float, usable: Bool) -> Int:
@@ -72,17 +86,70 @@ def _sides(strips: ImagesInStrips, first: Int) -> Int:
     after, key = strips.beside[image, 1], image * n_points + strips.point
     place = np.searchsorted(key, after * n_points + strips.point)
     rows = np.flatnonzero((after >= 0) & (np.append(key, -1)[place] == after * n_points + strips.point))
-    pair, count = image[rows], np.maximum(np.bincount(image[rows], minlength=n), 1)
-    z, w = (v - (_sums(v, pair, n) / count)[pair] for v in (strips.place_mm[rows], strips.place_mm[place[rows]]))
+    return _sides_of(strips.place_mm[rows], strips.place_mm[place[rows]], image[rows], n, len(first))[first]
+
+
+def _sides_of(z: Complex, w: Complex, pair: Int, n: int, tests: int) -> Int:
+    """The same of n pairs of images, or of an image and the ground, by where they have their points, (k,)."""
+    count = np.maximum(np.bincount(pair, minlength=n), 1)
+    z, w = (v - (_sums(v, pair, n) / count)[pair] for v in (z, w))
     size = (_sums(np.abs(z) ** 2, pair, n) * _sums(np.abs(w) ** 2, pair, n)).real
     by_similarity, by_mirror = (
         np.clip(1.0 - np.abs(_sums(w * v, pair, n)) ** 2 / np.where(size > 0, size, np.nan), 0.0, 1.0)
         for v in (z.conj(), z)
     )
-    limit = (NOT_MIRRORED / max(len(first), 1)) ** (1.0 / np.maximum(count - 2, 0.01))
+    limit = (NOT_MIRRORED / max(tests, 1)) ** (1.0 / np.maximum(count - 2, 0.01))
     side = np.where((by_similarity < MIRRORED_BETTER * by_mirror) & (by_similarity < limit), 1, 0)
     side[(by_mirror < MIRRORED_BETTER * by_similarity) & (by_mirror < limit)] = -1
-    return side[first]
+    return side
+
+
+def mirrored_cameras(block: Block, xy_mm: Float, usable: Bool) -> tuple[Int, Int]:
+    """Cameras that see the ground from the other side than the rest, by their images that overlap, and cameras of
+    which some do so and nothing tells which: rows in cameras, of either.
+
+    An image of four control points or more tells which side is the right one.
+    """
+    camera, points, names, none = block.images.camera, block.image_points, len(block.cameras), np.zeros(0, np.int64)
+    if names < 2:
+        return none, none
+    every = 1 + len(points) // (COMPARED_POINTS * len(camera))
+    rows = of_image_and_point(block, usable & (points.point % every == 0))
+    rows = rows[np.argsort(points.point[rows], kind="stable")]
+    image, point, place = points.image[rows].astype(np.int64), points.point[rows], xy_mm[rows] @ np.array([1, 1j])
+    a, b = np.concatenate([(k := np.arange(max(len(rows) - step, 0)), k + step) for step in range(1, PARTNERS + 1)], 1)
+    other = (point[a] == point[b]) & (camera[image[a]] != camera[image[b]])
+    a, b = a[other], b[other]
+    together = _comparable(block, camera[image[a]], camera[image[b]])
+    a, b = a[together], b[together]
+    key, pair = np.unique(image[a] * len(camera) + image[b], return_inverse=True)
+    between = np.zeros((names, names), dtype=np.int64)
+    pairs = camera[key // len(camera)], camera[key % len(camera)]
+    np.add.at(between, pairs, _sides_of(place[a], place[b], pair, len(key), len(key)))
+    between += between.T
+    side = np.zeros(names, dtype=np.int64)
+    todo = [int(np.argmax(np.bincount(camera, minlength=names)))]
+    side[todo] = 1
+    while todo:
+        one = todo.pop()
+        beside = np.flatnonzero((between[one] != 0) & (side == 0))
+        side[beside] = side[one] * np.sign(between[one, beside])
+        todo += beside.tolist()
+    if not (side < 0).any():
+        return none, none
+    vote = side @ np.bincount(camera, _by_control(block, xy_mm, usable), names)
+    return (np.flatnonzero(side == -np.sign(vote)), none) if vote else (none, np.flatnonzero(side))
+
+
+def _by_control(block: Block, xy_mm: Float, usable: Bool) -> Int:
+    """1 where an image sees its control from above, -1 from below, 0 unknown, (n,)."""
+    plan_m = np.full((len(block.points), 2), np.nan)
+    control = (block.ground_points.role[:, :2] == CONTROL).all(axis=1)
+    plan_m[block.ground_points.point[control]] = block.ground_points.xyz_m[control, :2]
+    points, n = block.image_points, len(block.images)
+    rows = np.flatnonzero(usable & np.isfinite(plan_m[points.point]).all(axis=1))
+    z, w = (xy[rows] @ np.array([1, 1j]) for xy in (xy_mm, plan_m[points.point]))
+    return _sides_of(z, w, points.image[rows].astype(np.int64), n, n)
 
 
 def _sums(values: Complex | Float, group: Int, n: int) -> Complex:

@@ -32,7 +32,14 @@ from aatri.checks.as_read.exchanged_images import exchanged_images
 from aatri.checks.as_read.frame import outside_of_its_frame
 from aatri.checks.as_read.lever_arms import impossible_lever_arms
 from aatri.checks.as_read.measured_twice import measured_twice, of_image_and_point
-from aatri.checks.as_read.mirrored_images import MIRRORED, mirrored_images
+from aatri.checks.as_read.mirrored_images import (
+    EITHER_CAMERA,
+    EITHER_REMEDY,
+    MIRRORED,
+    MIRRORED_CAMERA,
+    mirrored_cameras,
+    mirrored_images,
+)
 from aatri.checks.as_read.positions import without_impossible_positions
 from aatri.checks.as_read.rejects import in_order, listed, name_of_image_point, rejected, told_rejects
 from aatri.checks.as_read.unusable_sights import without_unusable_sights
@@ -104,12 +111,18 @@ def screened(
     images, points = Rows(block.images.active.copy()), Rows(block.image_points.active.copy())
     points.reject(np.flatnonzero(_outside_format(block) & points.active), OUTSIDE)
     xy_mm = photo_mm(block)
-    images.reject(mirrored_images(block, xy_mm, points.active & np.isfinite(xy_mm).all(axis=1)), MIRRORED)
+    usable = points.active & np.isfinite(xy_mm).all(axis=1)
+    mirrored, either = mirrored_cameras(block, xy_mm, usable)
+    for k in mirrored:
+        images.reject(np.flatnonzero(block.images.camera == k), MIRRORED_CAMERA.format(block.cameras.id[k]))
+    images.reject(mirrored_images(block, xy_mm, usable & images.active[block.image_points.image]), MIRRORED)
     while _reject_round(
         block, images, points, _has_prior(block) if elsewhere is None else _has_prior(block) | elsewhere
     ):
         pass
     problems = [*measured_twice(block), *of_positions, *of_ids, *_too_many(block, images, points, max_reject_share)]
+    if len(either):
+        problems.append(_error(EITHER_CAMERA.format(" and ".join(block.cameras.id[either])), EITHER_REMEDY, ""))
     if any(problem.level == "error" for problem in problems):  # what was set aside before may be why so little is left
         report([*told_rejects(block.rejects), *(p for p in problems if p.level == "error")], reporter)
     report(control_off_the_block(block), reporter)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from aatri.errors import InputError
 from tests.reading import read_block
-from tests.small_blocks import Small, flown, measure
+from tests.small_blocks import C_MM, Small, flown, measure
 
 
 def set_aside(small: Small, folder: Path) -> list[str]:
@@ -105,3 +106,42 @@ def test_points_along_a_line_mirror_none(tmp_path: Path) -> None:
         small.xyz_m, small.control = {f"p{k}": X for k, X in enumerate(dike)}, {}
         measure(small, rng)
         assert set_aside(small, tmp_path / str(seed)) == []
+
+
+def with_two_cameras(sign: list[float], control: int) -> tuple[Small, list[str]]:
+    """The second and fourth of four strips are photographed by another camera, whose axes have these signs."""
+    small = flown(4, 4, points=20)
+    others = [name for name, (strip, _) in small.strip.items() if strip in ("S2", "S4")]
+    small.more_cameras = {
+        "b": {
+            "kind": "digital",
+            "image_coordinates": "photo",
+            "principal_distance": C_MM,
+            "principal_point": [0.0, 0.0],
+            "format": [30000, 30000],
+            "pixel": {"size": 0.005},
+        }
+    }
+    small.camera_of = dict.fromkeys(others, "b")
+    small.control = dict.fromkeys([p for p in small.xyz_m if sum(q == p for _, q in small.rays) > 3][:control], "XYZ")
+    small.rays = {(i, p): xy * (sign if i in others else 1.0) for (i, p), xy in small.rays.items()}
+    return small, others
+
+
+@pytest.mark.parametrize("sign", [[-1.0, 1.0], [1.0, -1.0]])
+def test_a_camera_that_is_mirrored_is_named_and_its_images_are_set_aside(tmp_path: Path, sign: list[float]) -> None:
+    small, others = with_two_cameras(sign, 25)
+    block = read_block(small.write(tmp_path / "b"))
+    assert block.images.id[~block.images.active].tolist() == others
+    assert all("camera b: its images" in reason for reason in block.rejects.reason[np.isin(block.rejects.id, others)])
+
+
+def test_where_control_does_not_tell_which_camera_is_mirrored_both_are_named(tmp_path: Path) -> None:
+    small, _ = with_two_cameras([-1.0, 1.0], 3)
+    with pytest.raises(InputError, match="cameras a and b see the same points from opposite sides"):
+        read_block(small.write(tmp_path / "b"))
+
+
+def test_two_right_cameras_are_not_mirrored(tmp_path: Path) -> None:
+    small, _ = with_two_cameras([1.0, 1.0], 25)
+    assert read_block(small.write(tmp_path / "b")).images.active.all()
