@@ -4,8 +4,8 @@
 
 for every ray of direction d, over its length times its standard deviation, beside what is observed of some X0 and X.
 Lengths are those of the solution before, and rays that do not fit weigh less (least absolute deviations). A place is
-determined if its standard deviation is below `UNKNOWN` of the length of rays; all is solved again without the others,
-without rays that are far off, and without points of which half of the rays are.
+determined if its standard deviation is below `UNKNOWN_PLACE` of the length of rays; all is solved again without the
+others, without rays that are far off, and without points of which half of the rays are.
 
 So a block is placed of which no part is: a control point in each of two strips that share one point, or one that a
 single ray shows. Source: Rother & Carlsson 2002, Linear multi view reconstruction and camera recovery.
@@ -18,17 +18,8 @@ from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
 from aatri.arrays import Float, Int, finite_rows
+from aatri.geometry.limits import FAR_OFF_RAYS, FARTHEST_RAD, MOST_CENTRES, UNKNOWN_PLACE
 from aatri.geometry.vectors import tangents
-
-UNKNOWN = 0.1
-"""Standard deviation, as a share of the length of rays, beyond which a place is not determined."""
-
-FARTHEST_RAD, FAR_OFF = 0.005, 6.0
-"""Median misfit beyond which the directions are wrong, and standard deviations, of which others are as many off, beyond
-which a single one is."""
-
-MOST = 300
-"""Centres: covariances of so many take a second; of more none is placed."""
 
 STEPS, FAR, EXACT = 12, 100.0, 1e-6
 """Of reweighting; lengths of rays within which a place lies of which nothing tells; their share known of exact ones."""
@@ -61,7 +52,7 @@ class ObservedPlaces:
 def places_by_rays(rays: DirectedRays, observed: ObservedPlaces, n: int) -> tuple[Float, Float]:
     """Coordinates of n places, (n, 3), NaN where they are not determined, and their covariances, about, (n, 3, 3)."""
     rows = np.arange(len(rays.centre))
-    while 0 < len(np.unique(rays.centre[rows])) <= MOST:
+    while 0 < len(np.unique(rays.centre[rows])) <= MOST_CENTRES:
         if not np.isin(observed.place, [*rays.centre[rows], *rays.point[rows]]).any():
             break
         taken = DirectedRays(*(getattr(rays, name)[rows] for name in rays.__dataclass_fields__))
@@ -69,7 +60,7 @@ def places_by_rays(rays: DirectedRays, observed: ObservedPlaces, n: int) -> tupl
         if np.median(off_rad) > FARTHEST_RAD:
             break
         off = off_rad / taken.sigma_rad
-        far = off > FAR_OFF * max(1.0, float(np.median(off)))
+        far = off > FAR_OFF_RAYS * max(1.0, float(np.median(off)))
         count, most_far = np.bincount(taken.point), np.bincount(taken.point, far)
         far |= (2 * most_far >= count)[taken.point]  # which of two rays is wrong nobody knows
         firm = finite_rows(xyz[taken.centre]) & finite_rows(xyz[taken.point])
@@ -115,7 +106,7 @@ def _solved(rays: DirectedRays, observed: ObservedPlaces, n: int) -> tuple[Float
     share = 1.0 / np.bincount(point, minlength=len(used))[point]
     np.add.at(C, point, of_centres[centre] * share[:, None, None])  # a point moves as its centres do
     C *= max(1.0, float(np.median(off))) ** 2
-    firm = np.einsum("nii->n", C) < (UNKNOWN * float(np.median(length))) ** 2
+    firm = np.einsum("nii->n", C) < (UNKNOWN_PLACE * float(np.median(length))) ** 2
     places, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
     places[used[firm]], covariance[used[firm]] = X[firm], C[firm]
     return places, covariance, off_rad

@@ -1,5 +1,18 @@
 """Thresholds of geometry, each once, with its source."""
 
+# --- known rotations
+
+UNKNOWN_PLACE = 0.1
+"""Standard deviation, as a share of the length of rays, beyond which a place is not determined: an adjustment that
+begins with such errors converges (docs/convergence.md)."""
+
+FARTHEST_RAD, FAR_OFF_RAYS = 0.005, 6.0
+"""Median misfit beyond which the directions are wrong: a boresight that nobody has measured stays below. Standard
+deviations, of which others are as many off, beyond which a single ray is."""
+
+MOST_CENTRES = 300
+"""Covariances of so many take a second; of more none is placed."""
+
 # --- portable frame
 
 FLAT_BODY = 1e-4

@@ -28,6 +28,11 @@ class ImagePointRows:
     active: Bool
     """(n,)."""
 
+    @property
+    def sigma_rad(self) -> float:
+        """Standard deviation of directions in the middle of images, the median as stated; 0 without image points."""
+        return float(np.median(self.sigma_mm.mean(axis=1) / self.c_mm)) if len(self.c_mm) else 0.0
+
     def directions(self, poses: Poses, rows: Int | Bool) -> Float:
         """Where rays go on the ground from their images, (k, 3), mm long."""
         in_image = np.column_stack([self.xy_mm[rows], -self.c_mm[rows]])

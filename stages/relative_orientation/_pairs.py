@@ -11,7 +11,6 @@ from aatri.adapters.pairs.image_pairs import named_points, pairs_of, strip_pairs
 from aatri.adapters.pairs.models import models_of, refuse_misfits, with_elements
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.solution import check_same_block
-from aatri.adjustment.statistics.limits import MAX_SIGMA0
 from aatri.arrays import Bool, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
@@ -39,7 +38,11 @@ class PairOptions(Options):
         "the number of points, 4 at least",
     )
     min_points: int = Field(5, ge=5, description="a pair with fewer usable common points makes no model")
-    max_sigma0: float = Field(MAX_SIGMA0, gt=0, description="a pair whose sigma0 is larger makes no model")
+    max_sigma0: float | None = Field(
+        None,
+        gt=0,
+        description="a pair whose sigma0 is larger makes no model; null: 20, or more where residuals stay below 1 mrad",
+    )
     orientation_points: InputPath | None = Field(
         None, description="file of the names of the points that orient; the others are intersected; null: all orient"
     )
@@ -110,7 +113,7 @@ def oriented(
         with_equal_weights(pairs, orientations, options.equation, frame, orients)
         text = f"orientations by equal weights of the equation {options.equation}; points were rejected by the rigorous"
         tell([Note("note", f"{text} one")], context)
-    refuse_misfits(orientations, options.max_sigma0)
+    refuse_misfits(orientations, options.max_sigma0, with_sigmas(pairs.rays, 1.0 / orientations.scale))
     if options.coordinates == "coefficients":
         orientations.xyz[:] = classical_model_points(pairs, orientations)
     models = with_elements(models_of(block, image_points, pairs, orientations), frame)

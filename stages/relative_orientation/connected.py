@@ -27,7 +27,7 @@ from aatri.checks.finding import report
 from aatri.ids import several
 from aatri.notes import Note
 from aatri.orientation.relative.connected_pairs import classical_model_points, connected_pairs
-from aatri.orientation.relative.image_scale import limit_of
+from aatri.orientation.relative.image_scale import limit_of, with_sigmas
 from aatri.plugin import SILENT, Context, Field, stage
 
 from ._pairs import PairOptions, checked_image_points, oriented_pairs
@@ -54,7 +54,7 @@ def connected(
     """Orient the consecutive images of every strip, each model connected with the one before."""
     image_points = checked_image_points(block, image_points, context)
     pairs, orients, orientations = oriented_pairs(block, image_points, options, context)
-    refuse_misfits(orientations, options.max_sigma0)
+    refuse_misfits(orientations, options.max_sigma0, with_sigmas(pairs.rays, 1.0 / orientations.scale))
     connections, loose = connected_pairs(pairs, orientations, limit_of(pairs.rays, options.snooping_limit), orients)
     if options.coordinates == "coefficients":
         orientations.xyz[:] = classical_model_points(pairs, orientations, connections)

@@ -78,7 +78,7 @@ def essential(
     _, orientations = by_orientation_points(block, pairs, options, orient)
     assert made is not None
     made = replace(made, orientations=orientations)
-    refuse_misfits(made.orientations, options.max_sigma0)
+    refuse_misfits(made.orientations, options.max_sigma0, pairs.rays)
     pairs = replace(pairs, rays=with_sigmas(pairs.rays, made.orientations.scale))
     models = with_elements(essential_models(block, image_points, pairs, made), "dependent")
     context.progress(len(pairs.left), len(pairs.left), "models")

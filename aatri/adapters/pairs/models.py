@@ -9,15 +9,17 @@ from aatri.adapters.cameras.image_parameters import film_parameters
 from aatri.adapters.observation_tables import in_no_model, seen_by_one
 from aatri.adapters.pairs.image_pairs import joining_pairs, pair_names
 from aatri.adapters.solution import stacked, suspect_rows
-from aatri.adjustment.statistics.global_test import pooled_test, refuse_misfit
+from aatri.adjustment.statistics.global_test import largest_sigma0, pooled_test, refuse_misfit
 from aatri.adjustment.statistics.limits import LEAST_CONTROLLED
 from aatri.arrays import Float, Int, finite_rows
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Elements, ModelPoints, Models, Orientations, SecondOrientations, Turns, Unformed
 from aatri.artifacts.suspects import Suspects, Uncontrolled
+from aatri.geometry.coplanarity import RayPairs
 from aatri.orientation.graph.pair_graph import PairGraph, RotationPairs
 from aatri.orientation.relative.connected_pairs import Connection
+from aatri.orientation.relative.critical import angle_sigmas
 from aatri.orientation.relative.elements import DEPENDENT, INDEPENDENT, dependent_elements, independent_elements
 from aatri.orientation.relative.film import film_in_orientations
 from aatri.orientation.relative.orientations import EssentialOrientations, ImagePairs, RelativeOrientations
@@ -228,8 +230,13 @@ def graph_of(models: Models, enough: int, least: int) -> PairGraph:
     )
 
 
-def refuse_misfits(orientations: RelativeOrientations, max_sigma0: float) -> None:
+def refuse_misfits(orientations: RelativeOrientations, max_sigma0: float | None, rays: RayPairs) -> None:
     """Pairs whose sigma0 is beyond the limit make no model; where all together are, there is no result.
+
+    Parameters
+    ----------
+    max_sigma0 : float, optional
+        Default: by the standard deviations of `rays`, as stated.
 
     Raises
     ------
@@ -238,6 +245,8 @@ def refuse_misfits(orientations: RelativeOrientations, max_sigma0: float) -> Non
     """
     formed = np.flatnonzero(orientations.formed)
     what = f"of {len(formed)} models together"
+    if max_sigma0 is None:
+        max_sigma0 = largest_sigma0(float(np.median(angle_sigmas(rays))) if len(rays.left) else 0.0)
     refuse_misfit(pooled_test(orientations.sigma0[formed], orientations.redundancy[formed]), max_sigma0, what)
     for pair in formed[np.nan_to_num(orientations.sigma0[formed]) > max_sigma0].tolist():
         orientations.formed[pair] = False

@@ -30,7 +30,9 @@ Source: Huber 1981, Robust Statistics, 5 (M-estimates of scale); Foerstner 1979 
 Patterson and Thompson 1971 (restricted maximum likelihood); Koch 1986 (variance components).
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri, ndtr
@@ -81,6 +83,10 @@ class ClassScales:
         low, high = self._by_chance(EFFICIENCY * self.redundancy)
         off = (self.scale < np.minimum(low, 1.0 / MATTERS)) | (self.scale > np.maximum(high, MATTERS))
         return np.where(self.estimable & (off if self.tested is None else off | self.tested), self.scale, 1.0)
+
+    def of(self, classes: Bool) -> ClassScales:
+        """Those of some classes alone, (g,)."""
+        return replace(self, estimable=self.estimable & classes)
 
     @property
     def main(self) -> int:

@@ -20,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 
-from aatri.adjustment.statistics.limits import ALARM, FAR_BEYOND, MAX_SIGMA0, SHOWN, WARNED_BEYOND
+from aatri.adjustment.statistics.limits import ALARM, COARSEST_RAD, FAR_BEYOND, MAX_SIGMA0, SHOWN, WARNED_BEYOND
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import ConvergenceError
 from aatri.notes import Note
@@ -149,6 +149,17 @@ def sigma0_note(test: GlobalTest, what: str = "") -> Note:
     if test.verdict == "far":
         what_of_it = "far off, the standard deviations of the result say nothing"
     return Note("warning", f"{text}: {cause}; {what_of_it}")
+
+
+def largest_sigma0(sigma_rad: float) -> float:
+    """`MAX_SIGMA0`, or where directions with these standard deviations times it are still measured well, more.
+
+    Examples
+    --------
+    >>> largest_sigma0(1e-4), round(largest_sigma0(1e-6))
+    (20.0, 1000)
+    """
+    return max(MAX_SIGMA0, COARSEST_RAD / sigma_rad) if sigma_rad > 0 else MAX_SIGMA0
 
 
 def refuse_misfit(test: GlobalTest, max_sigma0: float = MAX_SIGMA0, what: str = "") -> None:

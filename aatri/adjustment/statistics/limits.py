@@ -61,6 +61,9 @@ WRONG_SIGMAS = 6.0
 MAX_SIGMA0 = 20.0
 """Beyond this an adjustment has not described its observations, whatever its iteration says."""
 
+COARSEST_RAD = 1e-3
+"""Standard deviation of directions from which on nobody measures: three pixels of 3,000 over a right angle."""
+
 WARNED_BEYOND = (0.8, 1.25)
 """sigma0 outside of these is a warning, where chance does not explain it: standard deviations are seldom known
 better."""

@@ -66,6 +66,7 @@ def findings_after(
     cause = next((group for group in named if group.contradicts), None)
     carried = [one.group.sigma0 for one in wrong if not one.left_out]
     with_cause = min(carried, default=np.inf)
+    sigma_rad = 0.0 if inputs.rays is None else inputs.rays.sigma_rad
     return [
         *turned_over(source.start[POSE], result.poses, images.camera, cameras.id),
         *named,
@@ -79,7 +80,7 @@ def findings_after(
         *points_at_infinity(inputs, result),
         *points_of_few_rays(result),
         *exchanged_marks(source.block, source.image_points, result.poses, result.xyz_m),
-        *sigma0(result, max_sigma0, done.scale, cause, with_cause=with_cause, searched=searched),
+        *sigma0(result, max_sigma0, done.scale, cause, with_cause=with_cause, searched=searched, sigma_rad=sigma_rad),
         *([] if explained else sigmas_that_do_not_fit(result)),
         *more_exact_than_images(inputs, result, done.scale),
         *weak_datum(inputs, result, done.scale),

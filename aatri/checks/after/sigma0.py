@@ -10,7 +10,7 @@ a redundancy smaller by their unknowns. A sigma0 that is too small is so only wh
 
 import numpy as np
 
-from aatri.adjustment.statistics.global_test import global_test, sigma0_note
+from aatri.adjustment.statistics.global_test import global_test, largest_sigma0, sigma0_note
 from aatri.adjustment.statistics.limits import MAX_SIGMA0, limit_of_tests
 from aatri.checks.finding import Finding
 from aatri.errors import ConvergenceError
@@ -38,13 +38,15 @@ def sigma0(
     with_cause: float = np.inf,
     held_unknowns: int = 0,
     searched: bool = True,
+    sigma_rad: float = 0.0,
 ) -> list[Finding]:
     """sigma0 with its interval; an error where it is beyond `max_sigma0`.
 
     Parameters
     ----------
     max_sigma0 : float, optional
-        Default: `MAX_SIGMA0`, and only where no `cause` explains it.
+        Default: `MAX_SIGMA0`, and only where no `cause` explains it; with standard deviations that fit (`scale`) more,
+        as long as those of rays are no larger than anybody measures (`largest_sigma0`).
     with_cause : float
         sigma0 of the adjustment that has carried the `cause`; with more than `MAX_SIGMA0` it explains nothing.
     scale : float
@@ -55,12 +57,16 @@ def sigma0(
         Unknowns that are held at values which may be made of the observations.
     searched : bool
         Whether gross errors were looked for; else the largest misfits are named.
+    sigma_rad : float
+        Of the rays as stated; 0: there are none.
     """
     if result.adjusted.down_weighted:
         return []
     counted = result.adjusted.redundancy if result.counted is None else round(result.counted)
     test = global_test(result.adjusted.sigma0, counted)
     limit = MAX_SIGMA0 if max_sigma0 is None else max_sigma0
+    if max_sigma0 is None and test.sigma0 <= limit:
+        limit = largest_sigma0(sigma_rad)
     explained = max_sigma0 is None and with_cause * scale <= limit
     if test.verdict != "untested" and test.sigma0 * scale > limit and not explained:
         text = f"sigma0 is {test.sigma0 * scale:.3g}, beyond max_sigma0 = {limit:g}: the adjustment ended where the "

@@ -7,6 +7,9 @@ it is clearly above 1 the pairs are oriented anew with s times the standard devi
 rejected for them comes back, and the covariances of the models are those that the points deserve.
 
 Standard deviations that are too large reject nothing that is right, and stay.
+
+Where they are wrong by more than some ten times most pairs make no model: too few points fit one orientation, or no
+base is seen. Then the pairs are oriented with some multiples of them, and what makes most models is the start.
 """
 
 from collections.abc import Callable
@@ -15,8 +18,10 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.statistics.class_scales import class_scales
-from aatri.adjustment.statistics.limits import limit_of_tests
+from aatri.adjustment.statistics.limits import COARSEST_RAD, limit_of_tests
 from aatri.geometry.coplanarity import RayPairs
+from aatri.orientation.relative.critical import angle_sigmas
+from aatri.orientation.relative.limits import MULTIPLES
 from aatri.orientation.relative.orientations import RelativeOrientations
 
 ROUNDS = 5
@@ -32,16 +37,36 @@ def with_image_scale(orient: Callable[[RayPairs], RelativeOrientations], rays: R
     orient : callable
         Orients all pairs.
     """
-    orientations, scale = orient(rays), 1.0
+    orientations = as_stated = orient(rays)
+    scale = 1.0
+    if 2 * orientations.formed.sum() < len(orientations.formed):
+        orientations, scale = _of_a_multiple(orient, rays, as_stated)
+    least = min(scale, 1.0)
     for _ in range(ROUNDS):
         requested_scale, clear = _scale_of(orientations)
-        better = max(scale * requested_scale, 1.0)
+        better = max(scale * requested_scale, least)
         settled = abs(better - scale) <= SETTLED * scale
         if settled or (scale == 1.0 and not clear):
             break
         scale = better
         orientations = orient(with_sigmas(rays, scale))
+    if least < 1.0 and scale > MULTIPLES[1]:  # a base that smaller ones have made of the errors alone
+        return as_stated
     return replace(orientations, sigma0=scale * orientations.sigma0, scale=scale)
+
+
+def _of_a_multiple(
+    orient: Callable[[RayPairs], RelativeOrientations], rays: RayPairs, as_stated: RelativeOrientations
+) -> tuple[RelativeOrientations, float]:
+    """Orientations with the multiple of the standard deviations that makes most models, and this multiple."""
+    stated_rad, best = float(np.median(angle_sigmas(rays))), (as_stated, 1.0)
+    for multiple in MULTIPLES if len(rays.left) else ():
+        if multiple * stated_rad <= COARSEST_RAD or multiple < 1.0:
+            trial = orient(with_sigmas(rays, multiple))
+            best = (trial, multiple) if trial.formed.sum() > best[0].formed.sum() else best
+        if best[0].formed.all():
+            break
+    return best
 
 
 def with_sigmas(rays: RayPairs, scale: float) -> RayPairs:

@@ -55,6 +55,11 @@ sums of squares has a standard deviation of up to 2 sqrt(n), that of the costs a
 AS_GOOD_OF_FEW = 2.0
 """The same where points are few."""
 
+# --- image scale
+
+MULTIPLES = (4.0, 0.25, 16.0, 1 / 16, 64.0, 1 / 64, 256.0)
+"""Of the standard deviations stated, tried where these make few models: each is within twice of the one that fits."""
+
 # --- loops
 
 ENOUGH_FIT = 0.6

@@ -82,7 +82,10 @@ def test_sigma0_of_all_models_is_told_and_beyond_the_limit_there_is_no_result():
     dependent(block, sure(3), options=ClassicalOptions(snooping_limit=40.0), context=log)
     assert [text for text in log.warnings if text.startswith("sigma0 of 5 models") and "too small" in text]
     with pytest.raises(ConvergenceError, match=r"sigma0 of 5 models together is .*, beyond max_sigma0 = 20"):
-        dependent(block, sure(100), options=ClassicalOptions(snooping_limit=1000.0))
+        dependent(block, sure(100), options=ClassicalOptions(snooping_limit=1000.0, max_sigma0=20.0))
+    log = Log()
+    dependent(block, sure(100), context=log)
+    assert [text for text in log.warnings if text.startswith("sigma0 of 5 models") and "too small" in text]
 
 
 def test_a_gross_error_becomes_a_suspect_that_names_the_right_measurement_and_its_size() -> None:

@@ -15,7 +15,7 @@ from aatri.arrays import Bool, Float
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.notes import Note
 from aatri.orientation.bundle.block import BundleInput
-from aatri.orientation.bundle.blunders.limits import HARMLESS, MOST_NOISY
+from aatri.orientation.bundle.blunders.limits import ALONE_BEYOND, HARMLESS, MOST_NOISY
 from aatri.orientation.bundle.blunders.noisy_images import noisiest_images
 from aatri.orientation.bundle.blunders.rejections import Rejections
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
@@ -97,10 +97,14 @@ class FittedSigmas(Rejections):
     ) -> tuple[Scaling, Float]:
         """With what the residuals ask for, and the factors that this changes by.
 
+        The kind of most redundancy is alone at first where it is far off, as residuals of the others are of its errors.
         Small kinds come after the others, whose errors would be taken for theirs, and where none of these is far out.
         Nothing of them changes where one would by a factor of `most` or more.
         """
         scaling, factor = self.scaling.after(scales)
+        if abs(np.log(factor[scales.main])) > np.log(ALONE_BEYOND):
+            kind = self.scaling.classes.kind
+            scaling, factor = self.scaling.after(scales.of(kind == kind[scales.main]))
         if tested is None or tested.low_redundancy or (factor != 1.0).any():
             return scaling, factor
         others = tested.active & ~self._in_classes(self.scaling.classes.in_small_kinds(scales))

@@ -22,6 +22,10 @@ FAR_TOO_EXACT = 50.0
 HARMLESS = 2.0
 """Tests up to this many limits smear so little that no robust adjustment is needed."""
 
+ALONE_BEYOND = 2.0
+"""Scale of most observations, or one over it, beyond which that of no other kind is estimated beside it: at 2 the
+residuals of others have twice the variance they should have, or half."""
+
 MOST_NOISY = 3
 """Images, and no more than a tenth of all: what more of them have is an error of something else."""
 
@@ -82,8 +86,9 @@ loss too. Chosen by blocks of 15 to 30 images with one number given twice (5 of 
 MOST_TOGETHER = 150
 """Components of a kind up to which its residuals are looked at together: with more it has redundancy enough."""
 
-NO_ERRORS = 0.02
-"""Residuals so much smaller than the standard deviations are no measurements': an example made without errors."""
+NO_ERRORS, FINEST_RAD = 0.02, 1e-6
+"""Residuals so much smaller than the standard deviations are no measurements': an example made without errors. Those of
+rays must also be smaller than anybody measures directions: 0.15 um at 150 mm."""
 
 # --- search notes
 

@@ -20,10 +20,11 @@ from aatri.adjustment.statistics.limits import ESTIMABLE_REDUNDANCY, MATTERS, SI
 from aatri.adjustment.statistics.long_tails import Tail, tail_of
 from aatri.arrays import Bool, Float, Int
 from aatri.notes import Note
+from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.observed import Observed, full_whitener
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput, ImageGroups
-from aatri.orientation.bundle.blunders.limits import APART, MOST_TOGETHER, NO_ERRORS, NOISY, NOISY_STRIP
+from aatri.orientation.bundle.blunders.limits import APART, FINEST_RAD, MOST_TOGETHER, NO_ERRORS, NOISY, NOISY_STRIP
 from aatri.orientation.bundle.blunders.noisy_images import ASKED, is_of_images
 from aatri.orientation.bundle.blunders.tested_block import (
     is_prior,
@@ -53,14 +54,15 @@ class Classes:
     """Of the last classes, which are those of images, the class of other images' points."""
     least: tuple[float, ...] = ()
     """How much larger than theirs its standard deviations are at least."""
+    no_errors: tuple[float, ...] = ()
+    """Of all but the last classes, the scale below which it is one without errors."""
 
     @classmethod
     def of(cls, block: BundleInput) -> Classes:
         """The classes of a block."""
-        names: list[str] = []
-        kinds: list[int] = []
+        names, kinds, number, no_errors = list[str](), list[int](), list[Int](), list[float]()
         numbers: dict[tuple[str, int], int] = {}  # a set of correlated ones is a kind of its own
-        number: list[Int] = []
+        finest = FINEST_RAD / block.rays.sigma_rad if block.rays is not None and block.rays.sigma_rad else NO_ERRORS
         for place, o in enumerate(block.observed):
             if not (o.is_measured and len(o)):
                 number.append(np.broadcast_to(np.int32(-1), (len(o), o.records.rows)))
@@ -68,8 +70,9 @@ class Classes:
             classes, of_components = classes_of(o, *_labels(o, block.images))
             number.append((len(names) + of_components).astype(np.int32))
             names += classes
+            no_errors += [min(NO_ERRORS, finest) if o.kind == IMAGE_POINT else NO_ERRORS] * len(classes)
             kinds += [numbers.setdefault((o.kind, -1 if o.set_rows is None else place), len(numbers))] * len(classes)
-        return cls(tuple(names), np.array(kinds, dtype=np.int64), tuple(number))
+        return cls(tuple(names), np.array(kinds, dtype=np.int64), tuple(number), no_errors=tuple(no_errors))
 
     @property
     def base(self) -> Int:
@@ -98,7 +101,7 @@ class Classes:
                 names.append(f"{names[k]} of {name}")
         all_images = (*self.images, tuple(images.tolist()))
         least_of = (*self.least, *[least] * (len(part_of) - len(self.part_of)))
-        return Classes(tuple(names), kind, tuple(number), all_images, tuple(part_of), least_of)
+        return Classes(tuple(names), kind, tuple(number), all_images, tuple(part_of), least_of, self.no_errors)
 
     def scales(self, result: BundleResult, least_squares: BundleResult | None = None) -> ClassScales:
         """Scales of all classes from the residuals of what is used.
@@ -219,7 +222,7 @@ class Scaling:
     """(g,)."""
     last: ClassScales | None = None
     """What the last adjustment asks for beyond them."""
-    without_errors: Bool | None = None
+    without_errors: Bool | bool = False
     """(g,). Classes without errors, which keep the standard deviations given."""
 
     @classmethod
@@ -239,16 +242,13 @@ class Scaling:
         """With what an adjustment asks for, and the factors that this changes by."""
         changed_class = self.changed & scales.estimable & (np.abs(np.log(scales.scale)) > np.log(SETTLED))
         factor = np.where(changed_class, scales.scale, scales.differing)
-        near_a_priori = changed_class & (
-            np.abs(np.log(self.factor * factor)) < np.log(MATTERS)
-        )  # after others have been set right
+        # after others have been set right
+        near_a_priori = changed_class & (np.abs(np.log(self.factor * factor)) < np.log(MATTERS))
         after = np.where(near_a_priori, 1.0, self.factor * factor)
         base, like_others = self.classes.base, self.classes.of_image & ~scales.estimable
         like_others |= self.classes.of_image & (after < self.classes.at_least * after[base])
         after = np.where(like_others, after[base], after)
-        error_free = after < NO_ERRORS
-        if self.without_errors is not None:
-            error_free |= self.without_errors
+        error_free = (after < np.array(self.classes.no_errors or [NO_ERRORS] * len(base))[base]) | self.without_errors
         after = np.where(error_free, 1.0, after)
         factor = after / self.factor
         remaining = replace(scales, scale=np.where(error_free, 1.0, scales.scale / factor))
