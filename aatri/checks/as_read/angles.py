@@ -218,6 +218,9 @@ def _causes(rays: ControlRays, pairs: Pairs) -> Iterator[AngleCause]:
         yield AngleCause(
             "control", f"control {change.text}", change.of_all, replace(rays, control_m=change.apply(rays.control_m))
         )
+    for by, text in ((1, "later"), (-1, "earlier")):
+        remedy = "move the coordinates in ground_points.csv by one row: a point or a row is missing"
+        yield AngleCause("control", f"with those of control that stand one row {text}", remedy, rays.rows_off(by))
     centred = replace(rays, xy_mm=rays.xy_mm + rays.principal_point_mm)
     yield AngleCause(
         "camera",

@@ -9,7 +9,7 @@ the median over its images.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,15 @@ class ControlRays:
     """Most positions are observed, not only approximate."""
     sigma_m: Float | None = None
     """(n,), m. Standard deviation of a coordinate of the positions, 0 where none is known; None: of all."""
+    in_table: Int | None = None
+    """(m,). Rows of `control_m` in the order of their files; None: as they stand."""
+
+    def rows_off(self, by: int) -> ControlRays:
+        """With the coordinates that stand so many rows later in the table, those of its ends exchanged."""
+        order = np.arange(len(self.control_m)) if self.in_table is None else self.in_table
+        control_m = self.control_m.copy()
+        control_m[order] = self.control_m[np.roll(order, -by)]
+        return replace(self, control_m=control_m)
 
     @property
     def misfit_by_chance(self) -> float:
@@ -141,6 +150,7 @@ def control_rays(block: Block, xy_mm: Float, usable: Bool) -> ControlRays:
         control.xyz_m,
         bool(len(image)) and bool(observed.mean() > 0.5),
         np.sqrt(np.maximum(variance, 0.0)),
+        np.lexsort((block.ground_points.line[control.row], block.ground_points.file[control.row])),
     )
 
 

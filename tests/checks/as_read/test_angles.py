@@ -14,7 +14,9 @@ import pytest
 from aatri.checks.as_read.angles import Contradiction, angles_that_differ, contradiction
 from aatri.checks.as_read.control_rays import ControlRays, photo_mm
 from aatri.checks.as_read.positions import impossible_positions
+from aatri.errors import InputError
 from aatri.formats.tables.reader import read_block
+from tests.reading import read_block as block_of_folder
 from tests.small_blocks import flown
 
 C_MM = 100.0
@@ -278,3 +280,17 @@ def test_poor_positions_are_held_against_their_standard_deviations() -> None:
     exchanged[[4, 5]] = exchanged[[5, 4]]
     rays = replace(rays, control_m=exchanged, sigma_m=np.full(len(rays.position_m), 20.0))
     assert _found(rays).points == (4, 5)
+
+
+@pytest.mark.parametrize(("by", "text"), [(1, "one row earlier"), (-1, "one row later")])
+def test_control_that_stands_a_row_off_in_its_table_is_named(tmp_path: Path, by: int, text: str) -> None:
+    small = flown(2, 10, points=8)
+    often = [p for p in small.xyz_m if sum(q == p for _, q in small.rays) > 2]
+    small.control = dict.fromkeys(sorted(often, key=lambda p: small.xyz_m[p][0])[::4], "XYZ")
+    folder = small.write(tmp_path / "b")
+    table = folder / "ground_points.csv"
+    head, *rows = [line.split(",") for line in table.read_text().splitlines()]
+    moved = [[row[0], *rows[(k + by) % len(rows)][1:]] for k, row in enumerate(rows)]
+    table.write_text("\n".join(",".join(row) for row in [head, *moved]) + "\n")
+    with pytest.raises(InputError, match=f"with those of control that stand {text}"):
+        block_of_folder(folder)
