@@ -1,5 +1,6 @@
 """Initial orientation from the graph of image pairs: orbits, oblique heads, crossing strips, hovering, gaps.
 
+    distances   those of open cameras with which the rotations of pairs fit each other around triangles
     rotations   R_right = R_left R_pair                 all at once: least absolute deviations, then reweighted
     bases       log s_b - log s_a = log l_a - log l_b   median of the points that two pairs share in a common image
     positions   v = d (X - c), d >= 0                   directions of rays, robustly, from bases, GNSS or anywhere
@@ -18,6 +19,7 @@ Source: Chatterjee & Govindu 2018 (rotations); Zhuang, Cheong & Lee 2018, Pan et
 Photogrammetry (absolute orientation).
 """
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -30,7 +32,7 @@ from aatri.adapters.pairs.models import essential_models, graph_of, turns_of
 from aatri.adapters.refinement.corrections import without_distortion
 from aatri.adapters.solution import check_same_block
 from aatri.adapters.strips.oriented_strips import left_out
-from aatri.arrays import Float
+from aatri.arrays import Float, Int
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.models import Models
@@ -39,6 +41,7 @@ from aatri.checks.after.of_stage import findings_of
 from aatri.checks.finding import report
 from aatri.errors import GeometryError
 from aatri.ids import several
+from aatri.notes import Note
 from aatri.observations.image_points import rays_of
 from aatri.observations.positions import positions_of
 from aatri.options import Reliability
@@ -50,9 +53,12 @@ from aatri.orientation.graph.pair_graph import PairGraph
 from aatri.orientation.graph.principal_distance import with_bends
 from aatri.orientation.graph.to_ground import to_ground
 from aatri.orientation.relative.essential import essential_orientations
+from aatri.orientation.relative.from_consensus import SAMPLES
 from aatri.orientation.relative.orientations import EssentialOrientations
 from aatri.orientation.relative.shared_planes import rotations_by_planes
 from aatri.plugin import SILENT, Context, Field, Options, stage
+
+from ._starting_distances import SAMPLES_ON_TRIAL, starting_distances, with_distances
 
 
 class GraphOptions(Options):
@@ -79,7 +85,7 @@ class GraphOptions(Options):
 
 
 @stage(
-    version=4,
+    version=5,
     uses=("cameras.distortion", "ground_points.datum", *USES),
 )
 def graph(
@@ -94,12 +100,20 @@ def graph(
     """Orient all images."""
     check_same_block(block, image_points=image_points, models=models)
     image_points, of_lens = without_distortion(block, image_points)
+    factor, of_distances = np.ones(len(block.cameras)), list[Note]()
     if models is None:
-        models = _models(block, image_points, options, context)
+        images = _pairs(block, image_points, options, context)
+        factor, of_distances = starting_distances(
+            block,
+            images,
+            lambda b, pairs: _models(b, image_points, pairs, options.snooping_limit, SILENT, SAMPLES_ON_TRIAL),
+        )
+        models = _models(with_distances(block, factor), image_points, images, options.snooping_limit, context)
     pairs = graph_of(models, options.min_points, FEWEST_POINTS)
     _refuse_without_pairs(block, image_points, pairs)
     inside = in_tangent_frame(block)
     rays = rays_of(inside.block, image_points)
+    rays = replace(rays, c_mm=rays.c_mm * factor[block.images.camera[rays.image]])
     observed = _observed_positions(inside.block) if options.use_positions else np.full((len(block.images), 3), np.nan)
     free = orient_free(
         pairs,
@@ -130,6 +144,7 @@ def graph(
     report(
         [
             *of_lens,
+            *of_distances,
             *free.notes,
             *shown_components(components, inside.block),
             *notes,
@@ -167,26 +182,39 @@ def _observed_positions(block: Block) -> Float:
     return observed
 
 
-def _models(block: Block, image_points: ImagePoints, options: GraphOptions, context: Context) -> Models:
-    """Relative orientations of all pairs."""
+def _pairs(block: Block, image_points: ImagePoints, options: GraphOptions, context: Context) -> Int:
+    """Pairs of images that are oriented, (m, 2)."""
     images, common = overlapping_images(block, image_points, FEWEST_POINTS)
     joining = joining_pairs(images, common, len(block.images), options.min_points, FEWEST_POINTS)
     images, common = images[joining], common[joining]
-    if options.pairs_per_image is not None:
-        kept = strongest_pairs(images, common, len(block.images), options.pairs_per_image, options.min_points)
-        context.log(
-            f"{int(kept.sum())} of {len(images)} pairs are oriented: those of most common points of each image, "
-            "and those that join what no others join"
-        )
-        images = images[kept]
+    if options.pairs_per_image is None:
+        return images
+    kept = strongest_pairs(images, common, len(block.images), options.pairs_per_image, options.min_points)
+    context.log(
+        f"{int(kept.sum())} of {len(images)} pairs are oriented: those of most common points of each image, "
+        "and those that join what no others join"
+    )
+    return images[kept]
+
+
+def _models(
+    block: Block,
+    image_points: ImagePoints,
+    images: Int,
+    snooping_limit: float,
+    context: Context,
+    max_samples: int = SAMPLES,
+) -> Models:
+    """Relative orientations of pairs."""
     pairs, (_, turned) = pairs_of(block, image_points, images), given_orientations(block)
 
     def oriented(expected: Float) -> EssentialOrientations:
         return essential_orientations(
             pairs.rays,
             pairs.start,
-            snooping_limit=options.snooping_limit,
+            snooping_limit=snooping_limit,
             min_points=FEWEST_POINTS,
+            max_samples=max_samples,
             expected=expected,
             reporter=context,
         )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.arrays import Float, Text, finite_rows
+from aatri.arrays import Float, Int, Text, finite_rows
 from aatri.codes import CONTROL
 from aatri.errors import ConvergenceError, GeometryError
 from aatri.ids import shown
@@ -101,8 +101,8 @@ def oriented_at_datum_points(
     return text if len(ids) else ""
 
 
-def principal_distance_shares(block: Block, rays: ImagePointRows) -> tuple[Float, ...]:
-    """Standard deviations of the principal distances over these, ray by ray, for each camera that leaves its own open.
+def open_distances(block: Block) -> list[tuple[Int, Float]]:
+    """Cameras whose principal distance is open, (k,), with its standard deviation as a share of it, (n_cameras,).
 
     Cameras of a single image are taken together, as if all were off by the same share.
     """
@@ -113,5 +113,10 @@ def principal_distance_shares(block: Block, rays: ImagePointRows) -> tuple[Float
     share[p.camera[rows]] = np.where(p.free[rows], FREE_DISTANCE_SHARE, sigma)
     single, several = np.flatnonzero(images == 1), np.flatnonzero((images > 1) & (share > 0))
     groups = [single] * bool(share[single].any()) + [np.array([k]) for k in several]
+    return [(group, share) for group in groups]
+
+
+def principal_distance_shares(block: Block, rays: ImagePointRows) -> tuple[Float, ...]:
+    """Standard deviations of open principal distances over these, ray by ray, for each that is wrong by itself."""
     of_ray = block.images.camera[rays.image]
-    return tuple(np.where(np.isin(of_ray, group), share[of_ray], 0.0) for group in groups)
+    return tuple(np.where(np.isin(of_ray, group), share[of_ray], 0.0) for group, share in open_distances(block))

@@ -71,7 +71,7 @@ def orient_free(
         If no component can be oriented.
     """
     n = graph.images
-    rotation, error, triangles = _rotations(graph, turns)
+    rotation, error, triangles = averaged(graph, turns)
     limit = np.maximum(WRONG_ROTATION_RAD, WRONG_SIGMAS * graph.rotation_sigma_rad)
     other = np.isfinite(graph.second[:, 0, 0])
     off = angles_between(rotation[graph.left] @ graph.second, rotation[graph.right])
@@ -119,7 +119,7 @@ def orient_free(
     return FreeImages(tuple(joined_components), (*notes, *joining_notes))
 
 
-def _rotations(graph: PairGraph, turns: RotationPairs) -> tuple[Float, Float, Int]:
+def averaged(graph: PairGraph, turns: RotationPairs) -> tuple[Float, Float, Int]:
     """Rotations of all images, what remains of each pair in rad, and the triangles it lies in."""
     n, m = graph.images, len(graph.left)
     left, right = np.concatenate([graph.left, turns.left]), np.concatenate([graph.right, turns.right])

@@ -109,3 +109,17 @@ errors one in 270,000, exp(-LIMIT^2 / 2) of lengths of two components; the bundl
 
 LEAST_PARALLAX_RAD = 0.005
 """Points whose rays all lie within a smaller angle are not determined."""
+
+# --- starting distance
+
+FITTING_ROTATIONS_RAD = 0.005
+"""Rotations of pairs that fit within 0.3 degrees call for no other principal distance."""
+
+LEFT_BY_DISTANCE = 0.5
+"""Share of the misfit that another principal distance may leave to be taken: chance alone leaves more than 0.8."""
+
+FEWEST_IN_TRIANGLES = 6
+"""Pairs in triangles that tell of a principal distance: those of four images."""
+
+LOOSE_DISTANCE = 0.03
+"""Standard deviation of a principal distance, as a share of it, from which on another one is looked for."""
