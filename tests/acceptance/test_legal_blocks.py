@@ -39,6 +39,9 @@ ONCE_LOST = (
     # control that a single ray of a strip shows gives its scale
     "control=two positions=none attitudes=all tilt=40 camera=digital parameters=fixed sigmas=right wrong=weak "
     "seed=30941 sigmas_of=control noise=normal",
+    # a strip of a wrong model is left out, and those beside it, of positions on a line each, begin level
+    "control=none positions=all attitudes=none tilt=5 camera=digital parameters=fixed sigmas=half wrong=weak "
+    "seed=31008 sigmas_of=control noise=normal",
 )
 """Random cells that ended badly at some time."""
 

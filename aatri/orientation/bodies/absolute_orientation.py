@@ -193,10 +193,14 @@ def _without_positions(block_strips: StripsOfBlock, joining: Joining) -> Oriente
 
 
 def _tried(block_strips: StripsOfBlock, joining: Joining) -> OrientedStrips | None:
-    """Strips joined otherwise; None where that cannot be done, or nothing tells whether they fit."""
+    """Strips joined otherwise, begun level if nothing else orients any; None where that cannot be done, or nothing
+    tells whether they fit."""
     try:
         oriented = _oriented(block_strips, joining)
-    except (ConvergenceError, GeometryError):
+    except GeometryError:
+        may_begin = not (joining.level or joining.every_component)
+        return _tried(block_strips, replace(joining, level=True)) if may_begin else None
+    except ConvergenceError:
         return None
     return oriented if np.isfinite(pooled(oriented.parts)[1]) else None
 
