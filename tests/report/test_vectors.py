@@ -79,8 +79,11 @@ def test_points_far_off_are_left_out_and_counted() -> None:
 def test_nothing_is_no_picture_and_differences_of_zero_are_one() -> None:
     assert plan_vectors("x", {"check": (np.zeros((0, 3)), np.zeros((0, 3)), [])}) is None
     assert image_vectors("c", np.zeros((0, 2)), np.zeros((0, 2))) is None
-    picture = plan_vectors("x", {"control": (XYZ_M, np.zeros((4, 3)), IDS)})
-    assert all(np.isfinite(m.xy).all() for m in picture.marks)
+    for rounding_m in (0.0, 1e-15):  # of exact control: the key was a vector of 2.0e-06 um
+        picture = plan_vectors("x", {"control": (XYZ_M, np.full((4, 3), rounding_m), IDS)})
+        assert all(np.isfinite(m.xy).all() for m in picture.marks)
+        assert picture.key is None
+        assert picture.caption.endswith("at 4 control points: all are zero.")
 
 
 def test_cells_of_the_format_show_their_own_mean() -> None:

@@ -42,6 +42,9 @@ CUT = 0.25
 
 MANY = 300
 
+ROUNDING_M = 1e-9
+"""Differences below are rounding, as at exact control."""
+
 Vectors = Mapping[str, tuple[Float, Float, Sequence[str]]]
 """Places, differences and ids by class, both (n, 3) float64, m; NaN where a coordinate takes no part."""
 
@@ -198,6 +201,7 @@ def _vectors(name: str, groups: Vectors, title: str, between: str) -> Picture | 
     by_group = dict[str, tuple[Float, Float, list[str]]]()
     for group, (xyz, v, ids) in groups.items():
         complete: Bool = np.asarray(np.isfinite(np.column_stack([v, xyz[:, :2]])).all(axis=1))
+        v = np.where(np.abs(v) < ROUNDING_M, 0.0, v)
         by_group[group] = (xyz[complete, :2], v[complete], [name for name, drawn in zip(ids, complete) if drawn])
     places, vectors = (np.concatenate([pair[k] for pair in by_group.values()]) for k in (0, 1))
     if not len(places):
@@ -240,6 +244,8 @@ def _vectors(name: str, groups: Vectors, title: str, between: str) -> Picture | 
         drawn = f" ({len(rows)} drawn)" if len(rows) < len(xy) else ""
         notes.append(f"{len(xy)} {noun}{drawn}")
     largest = float(np.hypot(*vectors.T).max())
+    if largest < ROUNDING_M:
+        return Picture(name, title, f"{_begun(between)}{', '.join(notes)}: all are zero.", marks)
     caption = f"{_begun(between)}{', '.join(notes)}; the largest is {length_text(largest)}."
     caption += f" Exaggerated {times(exaggeration)}."
     if not main.all():
