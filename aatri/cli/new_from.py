@@ -125,6 +125,8 @@ def pipeline_from(
         angles = " --set attitude_sigma_deg=0.01" if _has_angles(of_positions) else ""
         remedy = f"--set {file}:use=observed --set position_sigma=[0.1,0.1,0.1]{angles}"
         narrate(f"positions are start values: no file says that they were measured; if they were: {remedy}")
+    if not single_stage:
+        stated = {name: value for p in reversed(parts) for name, value in p.not_stated.items()} | stated
     if not _to_match(block):
         return pipeline_text(sources, folder, stages, hint + grids, stated=stated, merges=joins)
     return pipeline_text(sources, folder, of_matched(stages), hint + grids, stated=stated, name="photos")

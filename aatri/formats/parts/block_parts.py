@@ -114,6 +114,8 @@ class BlockParts:
     """Tables and attributes of a Block that are taken as they are, if this is the first source."""
     notes: list[str] = field(default_factory=list)
     """What the user should know of how it was read."""
+    not_stated: Mapping[str, Any] = field(default_factory=dict)
+    """Options of `NotStated` that it says for all rows without a value of their own, those of other sources too."""
 
 
 def rows_of(parts: BlockParts, table: str, first_file: int = 0) -> Rows:

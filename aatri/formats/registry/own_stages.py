@@ -7,6 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
+
 from aatri.artifacts.block import Block
 from aatri.codes import CONTROL
 from aatri.formats.bal.problem import read_bal, write_bal_problem
@@ -21,6 +23,7 @@ from aatri.formats.parts.format import OF_MODELS, Content, FileView, Format, Rea
 from aatri.formats.parts.of_block import parts_of
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.tables.reader import read_block
+from aatri.formats.tables.settings.reading import read_settings
 from aatri.formats.tables.writer import write_block
 from aatri.formats.text.number_text import is_number
 from aatri.formats.text.text_line import places
@@ -51,6 +54,16 @@ _COLMAP = ("cameras", "images", "points3D")
 def _reads(name: str, read_block: Callable[..., Block]) -> Callable[[Path, Reading, Reporter], BlockParts]:
     """A reader of a Block as a reader of parts."""
     return lambda path, _, reporter: parts_of(read_block(path, reporter=reporter), name)
+
+
+def _read_tables(path: Path, _: Reading, reporter: Reporter) -> BlockParts:
+    """A block folder; the standard deviations of its block.yaml are those of control and positions beside it, too."""
+    parts = parts_of(read_block(path, reporter=reporter), "tables")
+    settings, _document = read_settings(path / "block.yaml")
+    stated = {"control_sigma": settings.sigma.control, "position_sigma": settings.sigma.position}
+    unit_m = settings.units.sigma_ground_m
+    sigma_m = {k: tuple((unit_m * np.broadcast_to(v, 3)).tolist()) for k, v in stated.items() if v is not None}
+    return replace(parts, not_stated=sigma_m)
 
 
 def _write_tables(oriented: OrientedBlock, folder: Path, writing: Writing, reporter: Reporter) -> None:
@@ -142,8 +155,8 @@ def _format(
     return Format(name, title, recognise, looked_for, stage=f"block/{name}", read=read, **more)
 
 
-TABLES = _format(
-    "tables", "block folder of aatri", _tables, "a folder with block.yaml", read_block,
+TABLES = Format(
+    "tables", "block folder of aatri", _tables, "a folder with block.yaml", read=_read_tables, stage="block/tables",
     carries=("cameras", "distortion", "image points", "control", "check points", "start values of points", "positions",
              "attitudes", "start orientations", "strips", "times", "frame", "standard deviations", "covariances",
              "rigs", "film", "geodetic observations"),

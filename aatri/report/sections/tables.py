@@ -163,7 +163,7 @@ def observation_classes(solution: Solution) -> PageTable | None:
     `s_g = s sqrt(sum (v / s)^2 / sum r)`; times sigma0 where redundancy numbers were not computed.
     """
     residuals, tests = solution.residuals, solution.tests
-    sigma0 = float(solution.sigma0) if solution.redundancy else np.nan
+    sigma0 = float(solution.sigma0 / solution.sigma_scale) if solution.redundancy else np.nan
     out = solution.suspects.kind[solution.suspects.staying_out]  # also of points that have no other ray any more
     rows = []
     for kind in residuals.kinds:
@@ -207,7 +207,7 @@ def observation_classes(solution: Solution) -> PageTable | None:
         "largest at",
         "used",
         "left out",
-        "sigma given",
+        "sigma given" if solution.sigma_scale == 1.0 else "sigma used",
         "a posteriori",
         "RMS residual",
         "largest",

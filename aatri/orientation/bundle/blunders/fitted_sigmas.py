@@ -19,7 +19,7 @@ from aatri.orientation.bundle.blunders.limits import ALONE_BEYOND, HARMLESS, MOS
 from aatri.orientation.bundle.blunders.noisy_images import noisiest_images
 from aatri.orientation.bundle.blunders.rejections import Rejections
 from aatri.orientation.bundle.blunders.robust import Adjust, AdjustOptions
-from aatri.orientation.bundle.blunders.scaling import Scaling
+from aatri.orientation.bundle.blunders.scaling import SETTLED, Scaling
 from aatri.orientation.bundle.blunders.search_notes import labels
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.blunders.tested_block import TestedBlock
@@ -184,13 +184,36 @@ class FittedSigmas(Rejections):
             self.all = replace(self.all, observed=tuple(o.again() for o in self.block.observed))
 
     def _final_adjustment(self, tested: TestedBlock) -> tuple[BundleInput, BundleResult]:
-        """The block adjusted with those of the search, or as given where these were for the tests alone."""
-        if self.options.sigmas == "estimated" or not self.scaling.changed.any():
+        """The block adjusted with those of the search, or as given where these were for the tests alone.
+
+        Those of the search are of most errors; the result has those of all that are used, tails included.
+        """
+        if self.options.sigmas == "estimated":
+            factor = self._factors_of_tails(tested.result)
+            if (factor == 1.0).all():
+                return tested.block, tested.result
+            scaling = replace(self.scaling, factor=self.scaling.factor * factor)
+            self._rescale(scaling, factor, from_result(tested.block, tested.result))
+            block = replace(self.block, observed=self.all.without(self.block.observed, tested.active))
+            return block, self.adjust(block, AdjustOptions())
+        if not self.scaling.changed.any():
             return tested.block, tested.result
         start = from_result(tested.block, tested.result)
         observed = tuple(replace(o, start=current.start) for o, current in zip(self.a_priori_observed, start.observed))
         block = replace(start, observed=self.all.without(observed, tested.active))
         return block, self.adjust(block, AdjustOptions())
+
+    def _factors_of_tails(self, result: BundleResult) -> Float:
+        """How much larger than those of most errors standard deviations are with the tails that are used, (g,).
+
+        Of classes whose standard deviations are not those given: these obey.
+        """
+        v, r, group = self.scaling.classes.residuals(result, None)
+        n = len(self.scaling.factor)
+        squares, redundancy = (np.bincount(group[group >= 0], x[group >= 0], n) for x in (v**2, r))
+        factor = np.sqrt(squares / np.where(redundancy > 0, redundancy, np.inf))
+        has_tail = np.array([tail.limit > self.options.w_limit for tail in self.tails] or [False] * n)
+        return np.where(self.scaling.changed & has_tail & (factor > SETTLED), factor, 1.0)
 
     def _initial_least_squares(self, active: Bool) -> TestedBlock | None:
         """Least squares with everything; None where that fails."""

@@ -111,7 +111,7 @@ class Classes:
         least_squares : BundleResult, optional
             The adjustment whose covariances are known, where `result` has none.
         """
-        v, r, group = self._residuals(result, least_squares)
+        v, r, group = self.residuals(result, least_squares)
         return self._pooled_by_kind(class_scales(v, r, group, len(self.names)), v, r, group)
 
     def in_small_kinds(self, scales: ClassScales) -> Bool:
@@ -133,14 +133,14 @@ class Classes:
 
     def tails(self, result: BundleResult, limit: float) -> tuple[Tail, ...]:
         """Tails of the errors of all classes, from the residuals of what is used or predicted."""
-        v, r, group = self._residuals(result, None, predicted=True)
+        v, r, group = self.residuals(result, None, predicted=True)
         controlled = r > SILENT_REDUNDANCY
         return tuple(
             tail_of(np.abs(v[in_class]) / np.sqrt(r[in_class]), limit)
             for in_class in (controlled & (group == g) for g in range(len(self.names)))
         )
 
-    def _residuals(
+    def residuals(
         self, result: BundleResult, least_squares: BundleResult | None, *, predicted: bool = False
     ) -> tuple[Float, Float, Int]:
         """Whitened residuals, redundancy numbers and classes of all components in use, and of predicted ones."""

@@ -145,17 +145,21 @@ class _Search(ExactCoordinates):
             self.rejected_kinds,
             self.of_datum & use & ~attribution.kept,
         )
-        notes = (
-            *self.scaling.notes(of_result=self.options.sigmas == "estimated"),
+        search_notes = (
             *self._tail_notes(use, tested.largest_w),
             *findings(tested.block, self.all, outcome, self.options),
+        )
+        final = self._final_adjustment(tested)
+        notes = (
+            *self.scaling.notes(of_result=self.options.sigmas == "estimated"),
+            *search_notes,
             *exact_notes(self.all, wrong & use),
             *attribution.notes,
             *([Note("note", ROBUST_START)] if self.robust_instead else []),
         )
         exchanged_keys = tuple(keys_of(self.all.observed[s.place], np.array([s.first, s.second])) for s in swapped)
         return AdjustedBlock(
-            *self._final_adjustment(tested),
+            *final,
             notes,
             self.all.keys(undecided),
             self.all.keys(above_limit | doubtful | kept_ambiguous | attribution.kept | (wrong & use)),

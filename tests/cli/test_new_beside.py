@@ -1,4 +1,4 @@
-"""`aatri new --from IMAGES --from NETWORK`: images that show the points of a network are one block with it."""
+"""`aatri new` of a block folder with another source: a network that it shows, control without standard deviations."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +12,7 @@ from aatri.cli.main import app
 from aatri.errors import InputError
 from aatri.formats.tables.writer import write_block
 from aatri.pipeline.spec.pipeline_file import load_spec
+from aatri.stages.block.combined import CombinedOptions, combined
 from aatri.stages.block.merged import MergedOptions, merged
 from tests.formats.merging.test_merged import ray_block
 
@@ -70,3 +71,18 @@ def test_the_coordinate_system_of_a_network_is_told_beside_its_path(tmp_path: Pa
     assert "beside the path" in raised.value.remedy
     options = {"blocks": [photos, {"path": network, "crs": "EPSG:25832"}]}
     assert len(merged(options=MergedOptions.model_validate(options)).geodetic) == 1
+
+
+def test_standard_deviations_of_block_yaml_are_those_of_control_of_another_source(tmp_path: Path) -> None:
+    photos, _ = _files(tmp_path, ("A", "D"))
+    (photos / "ground_points.csv").unlink()
+    spec = photos / "block.yaml"
+    spec.write_text(spec.read_text() + "sigma: {control: [0.02, 0.02, 0.03]}\n")
+    (tmp_path / "control.csv").write_text("point,X,Y,Z\nA,0,0,0\nB,1,0,0\nC,2,3,0\n")
+    sources = [str(photos), str(tmp_path / "control.csv")]
+    block = combined(options=CombinedOptions.model_validate({"sources": sources}))
+    np.testing.assert_allclose(block.ground_points.covariance_m2, [np.diag([4e-4, 4e-4, 9e-4])] * 3)
+    block = combined(options=CombinedOptions.model_validate({"sources": sources, "control_sigma": [0.0, 0.0, 0.0]}))
+    np.testing.assert_array_equal(block.ground_points.covariance_m2, np.zeros((3, 3, 3)))
+    CliRunner().invoke(app, ["new", str(tmp_path / "both"), "--from", *sources])
+    assert "control_sigma: [0.02, 0.02, 0.03]" in (tmp_path / "both" / "pipeline.yaml").read_text()
