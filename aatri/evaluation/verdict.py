@@ -57,7 +57,7 @@ def outside_expected(figures: Mapping[str, float], points: str) -> list[str]:
             continue
         low, high = _limits(n, 1.0 - ALARM)
         if not low <= value <= high:
-            chance = f"{low:.2f} to {high:.2f} by chance of {n:.0f} independent errors"
+            chance = f"chance gives {low:.2f} to {high:.2f}, as {n:.0f} independent errors"
             beyond.append(f"{value:.2f} times their standard deviations in {axis.upper()} ({chance})")
     names = {
         "check": "Errors at check points",

@@ -7,6 +7,7 @@ the root of the sum of the squares in X and Y, RMSE_3D that of all three, and 30
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from aatri.evaluation.limits import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
 from aatri.report.drawing.plan import footprints, image_rows
 from aatri.report.drawing.rays import principal_distances, ray_scales
-from aatri.report.view.numbers import counted, number
+from aatri.report.view.numbers import counted, in_trade_unit, number, spoken
 from aatri.units import METRES_OF_MODEL, UNITS_OF_MODEL, listed, rms_alike, together
 
 MOST_CAMERAS, MOST_TYPES = 3, 8
@@ -60,6 +61,40 @@ def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
         vertical = str(block.frames.vertical[0])
         made["coordinates"] = f"{frame}{f', heights {vertical}' if vertical else ''}"
     return made
+
+
+def was_done(solution: Solution | None, block: Block | None, use: str, options: Mapping[str, Any]) -> str:
+    """What the last adjustment was made of and how, in sentences; empty without one.
+
+    Parameters
+    ----------
+    use : str
+        Role and variant of its stage.
+    options : mapping
+        Those of its stage.
+    """
+    if solution is None:
+        return ""
+    residuals, kinds = solution.residuals, []
+    for kind in residuals.kinds:
+        used = residuals.used(kind)
+        if len(used) and in_trade_unit(str(residuals.unit[used[0]]))[1]:  # a prior of several units is none
+            exact = (np.nan_to_num(residuals.sigma[used]) == 0).all()
+            kinds.append(f"{counted(len(used), kind)}{' (held exactly)' if exact else ''}")
+    figures = solution.metrics()
+    parts = [counted(int(figures[name] or 0), name[:-1]) for name in ("images", "points") if figures[name]]
+    by = f"by {listed(kinds, '')}" if kinds else ""
+    sentences = [f"{spoken(use.partition('/')[0])} of {listed(parts, '')}{by}".rstrip()]
+    if options.get("datum") in ("free", "minimal"):
+        sentences.append(f"the datum is {options['datum']}: nothing ties the block to the ground")
+    if "self_calibration" in options and figures["images"]:
+        chosen = options["self_calibration"] or {}
+        sentences.append(f"cameras are estimated ({chosen.get('set')})" if chosen else "cameras are as the block says")
+    if method := (options.get("blunders") or {}).get("method"):
+        sentences.append(f"the search for gross errors was set to {method}")
+    if checked := 0 if block is None else int((block.ground_points.role == CHECK).any(axis=1).sum()):
+        sentences.append(f"{counted(checked, 'check')} took no part")
+    return " ".join(f"{text[0].upper()}{text[1:]}." for text in sentences)
 
 
 def without_comparison(block: Block | None, figures: Mapping[str, float | int | None]) -> str:

@@ -32,7 +32,7 @@ from aatri.pipeline.store import inside
 from aatri.pipeline.store.inside import on_disk
 from aatri.report.drawing.picture import COLOURS
 from aatri.report.drawing.svg import drawn
-from aatri.report.facts import accuracy_statement, facts
+from aatri.report.facts import accuracy_statement, facts, was_done
 from aatri.report.judgement import judgement
 from aatri.report.problems import in_words, problems
 from aatri.report.questions import questions
@@ -199,6 +199,7 @@ def first_page(run: RunView, around: Surroundings) -> dict[str, Any]:
         "judgement": judgement(run),
         "accuracy_statement": accuracy_statement(numbers_of(evaluations[-1].metrics)) if evaluations else "",
         "verdict": evaluation.verdict if evaluation else "The accuracy was not evaluated.",
+        "done": _was_done(run, around),
         "facts": facts(around.block, around.solution),
         "blocks": _of_which_block(run),
         "problems": [asdict(problem) for problem in problems(run, [*internal, *external])],
@@ -209,6 +210,13 @@ def first_page(run: RunView, around: Surroundings) -> dict[str, Any]:
         "counts": _counts(run),
         "figures": {stage.name: dict(stage.metrics) for stage in run.stages if stage.metrics},
     }
+
+
+def _was_done(run: RunView, around: Surroundings) -> str:
+    """What the last adjustment was made of and how."""
+    if not (stages := run.of_kind(Solution)):
+        return ""
+    return was_done(around.solution, around.block, stages[-1].use, (stages[-1].record or {}).get("options", {}))
 
 
 def _estimated(run: RunView) -> dict[str, Any]:

@@ -44,7 +44,8 @@ REMEDIES = {
     "sigma0": ("see which group of observations does not follow the standard deviations given", "residuals"),
     "Check against theory": ("look for a pattern: in the differences, then in the image residuals", "accuracy"),
     "Check points far off": (
-        "a few: compare their numbers and coordinates with their source; most: look for a pattern in the differences",
+        "where a few are, compare their numbers and coordinates with their source; where most are, look for a "
+        "pattern in the differences",
         "accuracy",
     ),
     "Truth against theory": ("look for a pattern in the errors", "accuracy"),

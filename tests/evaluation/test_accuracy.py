@@ -271,9 +271,9 @@ def test_limits_are_those_of_chi_square_tables() -> None:
 
 
 def test_a_ratio_beyond_chance_is_told_and_one_within_is_not() -> None:
-    assert "by chance" not in _evaluated([[10.0] * 3, [4.0] * 3], 0.02).verdict
+    assert "chance gives" not in _evaluated([[10.0] * 3, [4.0] * 3], 0.02).verdict
     verdict = _evaluated([[10.0, 10.0, 3.0], [1.5] * 3], 0.01).verdict  # a ratio of 2
-    assert "True errors are 2.00 times their standard deviations in X (0.3" in verdict
+    assert "True errors are 2.00 times their standard deviations in X (chance gives 0.3" in verdict
     assert "2.00 times their standard deviations in Y" in verdict
     assert "standard deviations in Z" not in verdict
     assert "Errors at check points" not in verdict
