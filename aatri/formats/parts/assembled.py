@@ -56,12 +56,9 @@ def assembled(
         If they contradict each other, or lack what a Block cannot do without: an image's camera, its interior
         orientation, the size of its pixels.
     """
-    for parts in sources:
-        for note in parts.notes:
-            reporter.log(f"{parts.files[0]}: {note}")
-    of_sources = {name: v for parts in reversed(sources) for name, v in parts.not_stated.items()}
-    of_sources = {name: v for name, v in of_sources.items() if name not in not_stated.model_fields_set}
-    not_stated = not_stated.model_copy(update=of_sources)
+    for parts, note in ((parts, note) for parts in sources for note in parts.notes):
+        reporter.log(f"{parts.files[0]}: {note}")
+    not_stated = not_stated.beside([parts.not_stated for parts in sources])
     frame = block_frame(list(sources), frame or stated_frame(not_stated.crs, not_stated.vertical))
     if len(sources) == 1 and (parts := sources[0]).ground_points and "geodetic" in parts.others and not parts.images:
         points = {n: v for n, v in rows_of(parts, "ground_points").items() if n in columns_of(KINDS["ground_points"])}

@@ -1,5 +1,8 @@
 """What is said of a block of several sources that no file says: its frame and standard deviations."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
 from pydantic import Field
 
 from aatri.errors import InputError
@@ -29,6 +32,11 @@ class NotStated(Options):
     )
     attitude_sigma_deg: float | None = Field(None, gt=0, description="of measured attitudes without any, degrees")
     calibrate: bool = Field(False, description="c, principal point and distortion are unknown and free, not fixed")
+
+    def beside(self, of_sources: Sequence[Mapping[str, Any]]) -> Self:
+        """With what sources say for rows of others, the first source first; what was said here obeys."""
+        values = {name: value for one in reversed(of_sources) for name, value in one.items()}
+        return self.model_copy(update={k: v for k, v in values.items() if k not in self.model_fields_set})
 
 
 DEFAULTS = NotStated()
