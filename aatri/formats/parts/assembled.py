@@ -56,8 +56,8 @@ def assembled(
         If they contradict each other, or lack what a Block cannot do without: an image's camera, its interior
         orientation, the size of its pixels.
     """
-    for parts, note in ((parts, note) for parts in sources for note in parts.notes):
-        reporter.log(f"{parts.files[0]}: {note}")
+    for one, note in ((parts, note) for parts in sources for note in parts.notes):
+        reporter.log(f"{one.files[0]}: {note}")
     not_stated = not_stated.beside([parts.not_stated for parts in sources])
     frame = block_frame(list(sources), frame or stated_frame(not_stated.crs, not_stated.vertical))
     if len(sources) == 1 and (parts := sources[0]).ground_points and "geodetic" in parts.others and not parts.images:
