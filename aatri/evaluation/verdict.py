@@ -97,7 +97,7 @@ def verdict(
     beyond : sequence of str
         Check points that no standard deviation explains.
     """
-    far = f"Beyond every bound, to be looked at: {shown(beyond)}." if beyond else ""
+    far = f"Farther off than standard deviations and sigma0 explain: {shown(beyond)}." if beyond else ""
     fit = [_control(figures, control_is_exact), _left_out(figures)]
     outside = [text for points in RATIOS for text in outside_expected(figures, points)]
     parts = [_check(figures, enough), far, *fit, _truth(figures), *outside, _sigma0(sigma0)]
@@ -128,8 +128,8 @@ def _sigma0(test: GlobalTest | None) -> str:
     if test is None or test.verdict not in ("warned", "far"):
         return ""
     return (
-        f"sigma0 is {test.sigma0:.2f}, expected {test.low:.2f} to {test.high:.2f}: theoretical standard deviations "
-        "are as wrong."
+        f"sigma0 is {test.sigma0:.2f}, expected {test.low:.2f} to {test.high:.2f}: the standard deviations "
+        "of the result are wrong by as much."
     )
 
 
@@ -150,7 +150,7 @@ def _left_out(figures: Mapping[str, float]) -> str:
     uncontrolled = int(figures.get("left_out_uncontrolled_points", 0))
     more = f"; nothing else controls {_count(uncontrolled, 'control point')}" if uncontrolled else ""
     rms = _rms(figures, "left_out_rmse", n)
-    return f"Predicted without itself: {rms} RMSE at {_count(n, 'control point')}{more}."
+    return f"Control predicted without itself: {rms} RMSE at {_count(n, 'control point')}{more}."
 
 
 def _truth(figures: Mapping[str, float]) -> str:

@@ -73,7 +73,7 @@ def test_figures_and_verdict_have_it_and_a_point_that_nothing_controls_is_counte
         assert 1.0 < figures[f"left_out_independent_{axis}"] <= n
         low, high = figures[f"left_out_theory_ratio_{axis}_low"], figures[f"left_out_theory_ratio_{axis}_high"]
         assert low < 1.0 < high
-    assert "Predicted without itself: X " in result.verdict
+    assert "Control predicted without itself: X " in result.verdict
     mine = result.differences.kind == "left_out"
     d, s = result.differences.difference_m[mine], result.differences.sigma_m[mine]
     known = np.isfinite(d)

@@ -5,7 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from aatri.evaluation.accuracy import evaluate
 from aatri.report.facts import was_done
+from aatri.report.sections.evaluation import show
+from aatri.report.sections.parts import PageSection, Surroundings
 from tests.made_solutions import made_block, made_solution
 
 BUNDLE = "bundle_adjustment/bundle"
@@ -33,3 +36,13 @@ def test_exact_control_and_a_free_datum_are_named() -> None:
     assert "control points (held exactly)" in text
     assert "The datum is free: nothing ties the block to the ground." in text
     assert was_done(None, block, BUNDLE, {}) == ""
+
+
+def test_each_sentence_on_the_accuracy_is_a_line() -> None:
+    block = made_block()
+    solution = made_solution(block)
+    evaluation = evaluate(block, solution)
+    section = PageSection("accuracy", "")
+    show(section, evaluation, Surroundings(block, None, solution))
+    assert len(section.notes) == evaluation.verdict.count(". ") + 1 > 2
+    assert " ".join(section.notes) == evaluation.verdict

@@ -145,7 +145,7 @@ def sigma0_note(test: GlobalTest, what: str = "") -> Note:
     cause = "gross errors, an effect not modelled, or standard deviations that are too small"
     if test.sigma0 < test.low:
         cause = "standard deviations that are too large"
-    what_of_it = "the standard deviations of the result are as wrong"
+    what_of_it = "the standard deviations of the result are wrong by as much"
     if test.verdict == "far":
         what_of_it = "far off, the standard deviations of the result say nothing"
     return Note("warning", f"{text}: {cause}; {what_of_it}")
