@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from aatri.arrays import Int
-from aatri.artifacts.block import CONTROL, Block
+from aatri.artifacts.block import Block
+from aatri.codes import CHECK, CONTROL
 from aatri.errors import InputError, raise_all
 from aatri.formats.merging.differing import DifferingRows, excluded, exterior, ground, images, measured
 from aatri.formats.merging.part import TABLE_OF_KIND, in_canonical_order
@@ -251,14 +252,14 @@ def _check_whole(a: Block, name: str, tables: tuple[Any, Any], joined: Joined, r
 
 
 def _datum_fault(a: Block, b: Block, rules: Reconciliation) -> InputError | None:
-    """An error where all common control differs by one shift: another datum, not errors of points."""
+    """An error where all common control and check points differ by one shift: another datum, not errors of points."""
     rows, xyz, covariance = [], [], []
     _, i, j = np.intersect1d(
         a.points.id[a.ground_points.point], b.points.id[b.ground_points.point], return_indices=True
     )
     for block, k in ((a, i), (b, j)):
         ground = block.ground_points.take(k)
-        rows.append((ground.role == CONTROL).all(axis=1) & np.isfinite(ground.xyz_m).all(axis=1))
+        rows.append(np.isin(ground.role, (CONTROL, CHECK)).all(axis=1) & np.isfinite(ground.xyz_m).all(axis=1))
         xyz.append(ground.xyz_m)
         covariance.append(np.diagonal(ground.covariance_m2, axis1=1, axis2=2))
     both = rows[0] & rows[1]
@@ -269,7 +270,7 @@ def _datum_fault(a: Block, b: Block, rules: Reconciliation) -> InputError | None
     if (np.abs(shift - common) > np.maximum(rules.sigmas * sigma, SAME_SHIFT * np.abs(common).max())).any():
         return None
     return InputError(
-        f"all {len(shift)} common control points of {rules.second} lie ({common[0]:.3f}, {common[1]:.3f}, "
+        f"all {len(shift)} common control and check points of {rules.second} lie ({common[0]:.3f}, {common[1]:.3f}, "
         f"{common[2]:.3f}) m from those of {rules.first}: another datum",
         remedy=f"bring {rules.second} into the datum of {rules.first} before they are merged",
     )

@@ -181,10 +181,12 @@ def test_exact_control_has_to_be_equal() -> None:
         joined(a, b)
 
 
-def test_another_datum_is_told_as_such() -> None:
+@pytest.mark.parametrize("role", [CONTROL, CHECK])
+def test_another_datum_is_told_as_such(role: int) -> None:
     three = {name: {"xyz_m": (x, 20, 30)} for name, x in (("P", 10), ("Q", 60), ("R", 90))}
-    moved = {name: {"xyz_m": np.add(of["xyz_m"], (3.0, -2.0, 0.5))} for name, of in three.items()}
-    with pytest.raises(AatriError, match=r"all 3 common control points of part 2 lie \(3.000, -2.000, 0.500\) m"):
+    three["R"]["role"] = role
+    moved = {name: {**of, "xyz_m": np.add(of["xyz_m"], (3.0, -2.0, 0.5))} for name, of in three.items()}
+    with pytest.raises(AatriError, match=r"all 3 common control and check points of part 2 lie \(3.000, -2.000, 0.500\) m"):
         joined(ray_block(A, three), ray_block(B, moved))
 
 
