@@ -186,7 +186,7 @@ def test_another_datum_is_told_as_such(role: int) -> None:
     three = {name: {"xyz_m": (x, 20, 30)} for name, x in (("P", 10), ("Q", 60), ("R", 90))}
     three["R"]["role"] = role
     moved = {name: {**of, "xyz_m": np.add(of["xyz_m"], (3.0, -2.0, 0.5))} for name, of in three.items()}
-    with pytest.raises(AatriError, match=r"all 3 common control and check points of part 2 lie \(3.000, -2.000, 0.500\) m"):
+    with pytest.raises(AatriError, match=r"all 3 common control and check points .* lie \(3.000, -2.000, 0.500\) m"):
         joined(ray_block(A, three), ray_block(B, moved))
 
 
