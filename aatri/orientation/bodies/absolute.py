@@ -54,6 +54,7 @@ from aatri.orientation.bodies.datum_start import (
 from aatri.orientation.bodies.deformation import bends_far_less
 from aatri.orientation.bodies.free_body import FreeBody, held_motions, state_of, ties_of
 from aatri.orientation.bodies.limits import (
+    ALL_SIDES,
     ONE_FAR_IN,
     STIFF_REDUNDANCY,
     STIFF_SIGMA0,
@@ -198,8 +199,9 @@ def _placed(
 
 
 def _up(observed: Sequence[Observed], body: FreeBody) -> Float | None:
-    """Direction against the mean viewing direction; None where attitudes say whether it is upwards."""
-    return None if any(o.kind == ATTITUDE for o in observed) else body.up
+    """Direction against the mean viewing direction; None where there is none, or attitudes say what is upwards."""
+    to_all_sides = np.linalg.norm(body.up) <= ALL_SIDES
+    return None if to_all_sides or any(o.kind == ATTITUDE for o in observed) else body.up
 
 
 def _start(

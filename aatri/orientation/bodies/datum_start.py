@@ -38,7 +38,7 @@ from aatri.observations.positions import KIND as POSITION
 from aatri.observations.ties import BODY
 from aatri.orientation.bodies.datum_analysis import GivenPlaces
 from aatri.orientation.bodies.free_body import FreeBody, state_of
-from aatri.orientation.bodies.limits import COLLINEAR_PLACES, MISFIT_OF_RIGHT, UPWARDS
+from aatri.orientation.bodies.limits import ALL_SIDES, COLLINEAR_PLACES, MISFIT_OF_RIGHT, UPWARDS
 from aatri.orientation.bodies.similarity_ties import LABELS
 
 HEADINGS, SAME_ENDS = 12, 3
@@ -76,7 +76,8 @@ def closed_start(places: GivenPlaces, x: Float, collinear: float = COLLINEAR_PLA
 
 def looks_upwards(to: Similarity, up: Float) -> bool:
     """Whether images look upwards on the ground, `up` being against their mean viewing direction in the body."""
-    return float((to.rotation @ up)[2]) < -UPWARDS * float(np.linalg.norm(up))
+    length = float(np.linalg.norm(up))
+    return length > ALL_SIDES and float((to.rotation @ up)[2]) < -UPWARDS * length
 
 
 def fits(places: GivenPlaces, x: Float, body: FreeBody, start: Similarity) -> bool:

@@ -46,6 +46,9 @@ COLLINEAR_PLACES, THINNEST_PLACES = 0.01, 1e-8
 """Places known in full count as lying on a line if the ratio of the eigenvalues of their scatter is below the first.
 Down to the second, where rounding begins to decide the turn about that line, they are one start among others."""
 
+ALL_SIDES = 0.3
+"""Length of the mean viewing direction below which images look to all sides, and none of them is upwards."""
+
 UPWARDS = 0.7
 """Sine of the elevation above which images look upwards: such an end counts only where there is no other."""
 

@@ -22,11 +22,11 @@ from aatri.observations.image_points import observed_image_points
 from aatri.observations.observed import named
 from aatri.observations.poses import POINT, POSE, Poses
 from aatri.orientation.bodies.free_body import FreeBody
+from aatri.orientation.bodies.limits import ALL_SIDES
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.settings import BundleSettings
 from aatri.orientation.graph.limits import (
-    ALL_SIDES,
     FEWEST_POINTS,
     LEAST_FITTING,
     LEAST_SHOWN,

@@ -2,9 +2,6 @@
 
 # --- component
 
-ALL_SIDES = 0.3
-"""Length of the mean viewing direction below which images look to all sides."""
-
 WIDE_RAD = 0.03
 """Rays farther off than this before the bundle are left out of it."""
 
