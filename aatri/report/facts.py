@@ -18,18 +18,13 @@ from aatri.evaluation.limits import ENOUGH_CHECK_POINTS
 from aatri.ids import shown
 from aatri.report.drawing.plan import footprints, image_rows
 from aatri.report.drawing.rays import principal_distances, ray_scales
+from aatri.report.limits import DOWNWARDS, LEAST_SIDEWAYS, PARALLEL_STRIPS
 from aatri.report.view.numbers import counted, in_trade_unit, number, spoken
 from aatri.units import METRES_OF_MODEL, UNITS_OF_MODEL, listed, rms_alike, together
 
 MOST_CAMERAS, MOST_TYPES = 3, 8
 COORDINATES = ("dX", "dY", "dZ")
 """Types of geodetic observations that are those of one: a baseline."""
-DOWNWARDS = -0.9
-"""Vertical component of a viewing direction from which on it is called vertical: 26 degrees."""
-PARALLEL = 0.9
-"""Cosine between strips that are flown beside each other."""
-LEAST_SIDEWAYS = 0.1
-"""Of the footprint: strips that are nearer follow each other, or are flown twice."""
 
 
 def facts(block: Block | None, solution: Solution | None) -> dict[str, str]:
@@ -158,7 +153,9 @@ def _overlaps(block: Block, solution: Solution) -> dict[str, str]:
     away = middle - middle[:, None]
     lateral = np.abs(axis[:, None, 0] * away[..., 1] - axis[:, None, 1] * away[..., 0])
     lateral /= np.array([np.median(sizes[1][rows]) for rows in of_strip])[:, None]
-    beside = np.where((np.abs(axis @ axis.T) > PARALLEL) & (lateral > LEAST_SIDEWAYS), lateral, np.inf).min(axis=1)
+    beside = np.where((np.abs(axis @ axis.T) > PARALLEL_STRIPS) & (lateral > LEAST_SIDEWAYS), lateral, np.inf).min(
+        axis=1
+    )
     side = 1 - float(np.median(beside[np.isfinite(beside)])) if np.isfinite(beside).any() else 0.0
     overlaps = {"forward overlap": forward, "side overlap": side}
     return {name: f"{100 * share:.0f} %" for name, share in overlaps.items() if share > 0}

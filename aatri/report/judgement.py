@@ -17,6 +17,7 @@ from aatri.artifacts.suspects import Suspects
 from aatri.evaluation.verdict import RATIOS, outside_expected
 from aatri.ids import shown
 from aatri.report.facts import has_scale, without_comparison
+from aatri.report.limits import ALONG_AXIS
 from aatri.report.verdict import far_off, with_check_counts
 from aatri.report.view.numbers import counted, number, small_angle, spoken
 from aatri.report.view.run_view import RunView
@@ -26,10 +27,6 @@ CONTRADICTORY = "The result contradicts its own tests: do not use it before the 
 
 MOST_NAMED = 3
 """Of one kind in a sentence."""
-
-
-ALONG = 0.9
-"""Share of an error that lies along an axis, from which on it is said to be in it: within 26 degrees."""
 
 
 def judgement(run: RunView) -> str:
@@ -200,7 +197,7 @@ def _named(s: Suspects, k: int) -> str:
         return f"{name}, {size:.3g} {unit}"
     in_axes = s.kind[k] in ("control", "position") and size > 0
     share = np.nan_to_num(np.abs(s.error[k])) / size if in_axes else np.zeros(3)
-    where = (" in X", " in Y", " in height")[int(share.argmax())] if share.max() > ALONG else ""
+    where = (" in X", " in Y", " in height")[int(share.argmax())] if share.max() > ALONG_AXIS else ""
     return f"{name}, {together([size])}{where}"
 
 

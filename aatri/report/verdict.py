@@ -24,13 +24,12 @@ from aatri.evaluation.limits import ENOUGH_CHECK_POINTS
 from aatri.evaluation.verdict import outside_expected
 from aatri.ids import shown
 from aatri.report.facts import without_comparison
+from aatri.report.limits import CONVERGED
 from aatri.report.view.numbers import counted, number
 from aatri.report.view.run_view import RunView, StageView
 from aatri.units import rms_alike, together
 
 GOOD, LOOK, BAD, NONE = "good", "look", "bad", "none"
-CONVERGED = 1e-3
-"""Newton decrement at which an adjustment has converged."""
 MOST_FAR = 10
 
 

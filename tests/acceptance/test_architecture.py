@@ -184,7 +184,6 @@ _CHANCE = re.compile(r"ALARM|CHANCE|UNLIKELY|SIGNIFICAN|(^|_)SEPARABLE|(^|_)(LEV
 _OF_CHANCE = re.compile(r"probability|by chance|false alarm|chi-square|of normal errors", re.I)
 _NO_TESTS = {
     "aatri/measuring/session.py: SHOWN_SIGMAS": "the size of a drawn ellipse",
-    "aatri/formats/tables/ground.py: SAME_PLACE_SIGMAS": "readers use no method",
 }
 """Numbers that speak of chance and are no limits of tests of an adjustment, with the reason."""
 

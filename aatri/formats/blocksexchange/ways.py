@@ -6,9 +6,9 @@
     yaw, pitch, roll     roll clockwise to whom the camera looks at, as described, or to whom stands behind it
 
 A file that has one of them is read in each of the ways; the one that is taken projects the control and tie points of
-posed photos to where they are measured, to `MOST_PX` in the median, and the next one `CLEARLY` times as far off. Where
-the points do not decide, angles are read as described, and a file with AspectRatio or Skew is refused. An affinity of
-less than `MISFIT_PX` at the edge of the image is none, as much as a fitted distortion may differ.
+posed photos to where they are measured, to `MOST_OFF_PX` in the median, and the next one `CLEARLY_BETTER` times as far
+off. Where the points do not decide, angles are read as described, and a file with AspectRatio or Skew is refused. An
+affinity of less than `MISFIT_PX` at the edge of the image is none, as much as a fitted distortion may differ.
 """
 
 from dataclasses import dataclass
@@ -19,14 +19,8 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.formats.conventions.lens import Lens
-from aatri.formats.conventions.lens_conversion import MISFIT_PX
+from aatri.formats.limits import CLEARLY_BETTER, FEWEST_DECIDING, MISFIT_PX, MOST_OFF_PX
 from aatri.formats.text.xml_tree import XmlElement
-
-MOST_PX = 5.0
-"""Points of an adjusted block are off by some pixels at most."""
-CLEARLY = 2.0
-FEWEST = 6
-"""Fewest measured points that decide."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +91,10 @@ def decided(medians_px: list[float], count: int) -> int | None:
     """Which way projects points to where they are measured; None where that is not clear."""
     order = np.argsort(medians_px)
     best = int(order[0])
-    if count < FEWEST or medians_px[best] > MOST_PX or medians_px[int(order[1])] < CLEARLY * medians_px[best]:
+    if (
+        count < FEWEST_DECIDING
+        or medians_px[best] > MOST_OFF_PX
+        or medians_px[int(order[1])] < CLEARLY_BETTER * medians_px[best]
+    ):
         return None
     return best

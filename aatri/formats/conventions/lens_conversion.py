@@ -18,16 +18,11 @@ from aatri.arrays import Float
 from aatri.camera.models.calibration import INTERIOR
 from aatri.errors import InputError
 from aatri.formats.conventions.lens import FORMS, Lens, correction
+from aatri.formats.limits import MISFIT_PX, OPENINGS
 from aatri.progress import SILENT, Reporter
-
-MISFIT_PX = 0.05
-"""Largest misfit of a fitted distortion that is taken without being allowed."""
 
 GRID = 25
 """Points along each side of the format: more than the highest power of any radial term in use, on both sides."""
-
-OPENINGS = (0.1, 100.0)
-"""Focal length by the longer side of the image, 157 degrees across to half a degree: beyond, one has another unit."""
 
 WITHOUT_DISTORTION_READ = "or export image points and camera of undistorted images from the other program"
 WITHOUT_DISTORTION_WRITTEN = "or `aatri export` a run without `--measured`: image points and camera without distortion"

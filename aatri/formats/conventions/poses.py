@@ -25,6 +25,7 @@ import numpy as np
 
 from aatri.arrays import Float
 from aatri.errors import InputError
+from aatri.formats.limits import ALONG_FLIGHT, APART_SENSES, FEWEST_NEIGHBOURS, LONG_STEP, NOT_ORTHOGONAL
 from aatri.geometry.rotations import ENU_FROM_NED, angle_axes, angles_from_rotation, body_from_mount
 
 Y_UP = np.array([1.0, -1.0, -1.0])
@@ -32,14 +33,6 @@ Y_UP = np.array([1.0, -1.0, -1.0])
 
 Sense = Literal["ground_from_image", "image_from_ground"]
 SENSES: tuple[Sense, Sense] = ("ground_from_image", "image_from_ground")
-ALONG = 0.9
-"""Mean of cos 4(h - a) that a flight has: images turned against it by up to 6 degrees."""
-APART = 0.1
-"""What the other sense must be worse by, to be told from it: 4 degrees of azimuth."""
-FEWEST = 3
-"""Fewest pairs of neighbours that decide."""
-LONG = 2.0
-"""A step longer than so many times the median leads to another line."""
 
 
 class PoseConvention(NamedTuple):
@@ -68,9 +61,6 @@ CONVENTIONS = {
 
 UPPER_EDGE_AHEAD_DEG = 90
 """Mount of a camera that looks straight down with its upper edge ahead: image x is to the right of the nose."""
-
-LEAST_ORTHOGONAL = 1e-3
-"""What R R' may differ from the identity by: matrices are written with six decimals or more, some with four."""
 
 
 def ground_from_image(stated: Float, program: str) -> Float:
@@ -150,7 +140,7 @@ def quaternion_of_matrix(rotation: Float) -> Float:
 
 def is_rotation(matrix: Float) -> bool:
     """Whether a 3 x 3 matrix is a rotation but for the rounding of its digits: no reflection, no scale."""
-    orthogonal = np.abs(matrix @ matrix.T - np.eye(3)).max() <= LEAST_ORTHOGONAL
+    orthogonal = np.abs(matrix @ matrix.T - np.eye(3)).max() <= NOT_ORTHOGONAL
     return bool(orthogonal and np.linalg.det(matrix) > 0)
 
 
@@ -176,8 +166,8 @@ def sense_of(matrices: Float, position_m: Float, usual: Sense = "ground_from_ima
     step = np.diff(position_m[:, :2], axis=0)
     length = np.linalg.norm(step, axis=1)
     median = float(np.median(length[length > 0])) if (length > 0).any() else 0.0
-    pairs = np.flatnonzero((length > 0) & (length <= LONG * median))
-    if len(pairs) < FEWEST:
+    pairs = np.flatnonzero((length > 0) & (length <= LONG_STEP * median))
+    if len(pairs) < FEWEST_NEIGHBOURS:
         return MatrixSense(None, decided=False)
     heading = np.arctan2(step[pairs, 1], step[pairs, 0])
     fits: dict[Sense, float] = {}
@@ -185,9 +175,9 @@ def sense_of(matrices: Float, position_m: Float, usual: Sense = "ground_from_ima
         axis = np.arctan2(R[pairs, 1, 0], R[pairs, 0, 0])
         fits[sense] = float(np.cos(4 * (heading - axis)).mean())
     best = max(fits, key=lambda sense: fits[sense])
-    if fits[best] < ALONG:
+    if fits[best] < ALONG_FLIGHT:
         return MatrixSense(None, decided=False)
-    decided = fits[best] - min(fits.values()) > APART
+    decided = fits[best] - min(fits.values()) > APART_SENSES
     return MatrixSense(best if decided else usual, decided)
 
 

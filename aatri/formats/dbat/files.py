@@ -32,13 +32,11 @@ from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 
 from aatri.errors import Faults, InputError, raise_all
+from aatri.formats.limits import ROUNDING_MM
 from aatri.formats.text.text_file import read_lines
 from aatri.formats.text.text_line import TextLine, blank_separated
 from aatri.ids import clipped, several
 from aatri.progress import SILENT, Reporter
-
-ROUNDING_MM = 6e-4
-"""Cameras of photos are printed with three decimals, the default camera with four."""
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,7 @@ from aatri.artifacts.block import APPROXIMATE, CONTROL, NOT_SEEN, Block, Rejects
 from aatri.artifacts.builder import block_of
 from aatri.errors import GeometryError, InputError, raise_all
 from aatri.formats.dbat.files import DbatPhoto, DefaultCamera, Export, ObjectPoint, read_control, read_export
+from aatri.formats.limits import LARGEST_ASPECT_PX
 from aatri.ids import canonical, did_you_mean, several
 from aatri.progress import SILENT, Reporter
 
@@ -50,9 +51,6 @@ EXPORT = 0
 
 NOT_GIVEN_SIGMA_PX = 1.0
 """Standard deviation of marks that have none; sigma0 tells what it should have been."""
-
-LARGEST_ASPECT_PX = 0.1
-"""Pixels that are not square by more than this, at the edge of the format, are warned of where they count as square."""
 
 CameraModel = Literal["brown", "dbat3"]
 

@@ -12,11 +12,10 @@ from aatri.artifacts.block import APPROXIMATE_VALUE, BY_EDIT, NO_ROLE, Block, Fi
 from aatri.artifacts.builder import image_point_order
 from aatri.errors import Faults, raise_all
 from aatri.formats.edits.edit import BY_COORDINATE, Edit, read_edits
+from aatri.formats.limits import SAME_PRINTED
 from aatri.ids import clipped, did_you_mean, several
 from aatri.progress import Reporter
 
-SAME = 1e-9
-"""Relative: values that were printed and read again."""
 REMEDY = "the block has changed since the edit was made: delete the line, or run `aatri edit` again"
 
 
@@ -118,7 +117,7 @@ def _rows(block: Block, edit: Edit, ids: dict[str, str], faults: Faults) -> Int 
 
 
 def _equal(value: tuple[float, ...], other: tuple[float, ...]) -> bool:
-    return len(value) == len(other) and bool(np.allclose(value, other, rtol=SAME, atol=SAME))
+    return len(value) == len(other) and bool(np.allclose(value, other, rtol=SAME_PRINTED, atol=SAME_PRINTED))
 
 
 def _switch_off(block: Block, edit: Edit, rows: Int, _faults: Faults) -> Block:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from aatri.arrays import Float
+from aatri.formats.limits import STEEPEST
 from aatri.formats.parts.format import Content
 from aatri.formats.results.column_names import angle_sigmas_deg, standard_deviations
 from aatri.formats.results.exported_files import control_points
@@ -29,9 +30,6 @@ CARRIES: tuple[Content, ...] = ("control", "check points", "start values of poin
 
 PER_SIDE = 8
 """Points of a footprint along a side: a distorted side is no line."""
-
-STEEPEST = 0.1
-"""Least cosine between a ray of a footprint and the vertical: flatter ones end at the horizon."""
 
 AROUND = 36
 """Points of an ellipse."""

@@ -23,6 +23,7 @@ import numpy as np
 
 from aatri.errors import InputError
 from aatri.formats.conventions.poses import as_ground_from_image, is_rotation
+from aatri.formats.limits import SAME_FOCAL_MM
 from aatri.formats.parts.block_parts import PLANE, BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading
 from aatri.formats.text.text_line import TextLine, places, word_lines
@@ -31,8 +32,6 @@ from aatri.progress import SILENT, Reporter
 
 EXPORT = "export the project again"
 UNITS = {"$LINEAR_UNITS_OF_OBJECT": "m", "$LINEAR_UNITS_OF_IMAGE": "mm"}
-FOCAL_MM = 1e-3
-"""A focal length beside an orientation that differs by more is of another calibration."""
 
 
 @dataclass
@@ -221,7 +220,7 @@ def _orientation(entry: Entry, c: float | None) -> tuple[list[float], np.ndarray
             f"$EXT_ORI with {several(len(entry.rows), 'row')}", "write f X Y Z, and three rows of the matrix"
         )
     f, *position = entry.rows[0].of_width(4, "f X Y Z").numbers()
-    if c is not None and abs(f - c) > FOCAL_MM:
+    if c is not None and abs(f - c) > SAME_FOCAL_MM:
         raise entry.rows[0].error(f"focal length {f:g}, that of the camera is {c:g}", "give one calibration")
     matrix = np.array([row.of_width(3, "a row of the matrix").numbers() for row in entry.rows[1:4]])
     if not is_rotation(matrix):

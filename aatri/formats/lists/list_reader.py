@@ -19,7 +19,8 @@ from aatri.arrays import Float
 from aatri.codes import APPROXIMATE_VALUE, CONTROL, NO_ROLE, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PHOTO_MM
-from aatri.formats.conventions.poses import LEAST_ORTHOGONAL, rotation_of_carrier
+from aatri.formats.conventions.poses import rotation_of_carrier
+from aatri.formats.limits import NOT_ORTHOGONAL
 from aatri.formats.lists.list_columns import ANGLES, PRESETS, ROLES, ROTATION, ListColumns, columns_named
 from aatri.formats.lists.list_form import (
     cells,
@@ -280,7 +281,7 @@ class _Rows:
         stated = self.numbers(*ROTATION).reshape(-1, 3, 3)
         apart = np.stack([np.abs(stated - R).max(axis=(1, 2)), np.abs(stated - R.swapaxes(1, 2)).max(axis=(1, 2))])
         misfit = np.nan_to_num(apart, nan=0.0).max(axis=1)
-        if misfit.min() > LEAST_ORTHOGONAL:
+        if misfit.min() > NOT_ORTHOGONAL:
             k = int(np.nan_to_num(apart[int(misfit.argmin())], nan=0.0).argmax())
             what = f"r11 ... r33 is neither the matrix of the angles nor its transpose: {misfit.min():.3g} beside it"
             raise self.rows[k].error(what, "say `rotation` and `angle`, or leave the matrix out of `columns`")

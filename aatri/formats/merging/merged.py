@@ -17,6 +17,7 @@ from aatri.arrays import Int
 from aatri.artifacts.block import Block
 from aatri.codes import CHECK, CONTROL
 from aatri.errors import InputError, raise_all
+from aatri.formats.limits import FEWEST_SHIFTED, SAME_SHIFT
 from aatri.formats.merging.differing import DifferingRows, excluded, exterior, ground, images, measured
 from aatri.formats.merging.part import TABLE_OF_KIND, in_canonical_order
 from aatri.formats.merging.rows import (
@@ -69,12 +70,6 @@ OBSERVATIONS = (
     "relative_control",
 )
 """Tables of which a block has to bring a row."""
-
-FEWEST_SHIFTED = 3
-"""Points whose common shift is no chance."""
-
-SAME_SHIFT = 0.01
-"""Share of a shift by which two datums may differ from point to point: they are turned and scaled, too."""
 
 SAME_IN_ALL = ("rotation", "earth_curvature", "heading", "undulation_m")
 

@@ -21,14 +21,12 @@ import numpy.typing as npt
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block, RelativeControl, RelativeControlMembers
 from aatri.errors import Faults
+from aatri.formats.limits import SAME_CONVERTED
 from aatri.formats.tables.relative_control import conditions_of, tables_of_conditions
 from aatri.ids import printable, shown
 from aatri.tables.schema import Table, columns_of
 
 T = TypeVar("T", bound=Table)
-
-SAME = 1e-12
-"""Relative: figures that were converted, printed and read again."""
 
 Duplicates = Literal["average", "first", "refuse"]
 Conflicts = Literal["refuse", "first"]
@@ -87,7 +85,7 @@ def joined_by(first: Table, second: Table, key: Sequence[str], beside: Sequence[
 def values_equal(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> Bool:
     """Which rows of two columns are equal."""
     if a.dtype.kind == "f":
-        same = np.isclose(a, b, rtol=SAME, atol=0.0, equal_nan=True)
+        same = np.isclose(a, b, rtol=SAME_CONVERTED, atol=0.0, equal_nan=True)
     else:
         same = a == b
     return np.asarray(same.reshape(len(same), -1).all(axis=1))
@@ -230,7 +228,7 @@ def merged_conditions(a: Block, b: Block, rules: Reconciliation) -> tuple[Relati
         values = np.array([c.value, c.sigma])
         if c[:3] not in first:
             merged.append(c._replace(file=c.file + len(a.files) if c.file >= 0 else -1))
-        elif not np.allclose(first[c[:3]], values, rtol=SAME, atol=0.0, equal_nan=True):
+        elif not np.allclose(first[c[:3]], values, rtol=SAME_CONVERTED, atol=0.0, equal_nan=True):
             called = f"{c.type} of {shown([name for _, name in c.members])}: value and sigma"
             rules.conflict(called, [first[c[:3]], values], b.read_at(b.relative_control, k))
     return tables_of_conditions(merged)

@@ -32,6 +32,7 @@ from aatri.errors import InputError
 from aatri.formats.conventions.names import without_extension
 from aatri.formats.conventions.pixel_origins import PIXEL_AXES
 from aatri.formats.conventions.poses import rotation_of_carrier
+from aatri.formats.limits import NEAR_DEG, NEAR_M
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, Reading
 from aatri.formats.text.json_text import JsonText
@@ -44,9 +45,6 @@ from aatri.progress import SILENT, Reporter
 
 WANTED = "a ground_control_points.json of OpenSfM"
 WGS84 = Frame("wgs84", ("latitude", "longitude", "height"), "EPSG:4979")
-
-NEAR_M, NEAR_DEG = 0.01, 1e-7
-"""Points nearer to each other than this, and not equal, are told: one point with a mistyped digit?"""
 
 
 def read_ground_control(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:

@@ -19,6 +19,7 @@ from aatri.camera.models.forward_models import PARAMETERS as FORWARD
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.pixel_origins import PHOTO_MM, PIXEL_MM, PixelAxes, converted, named
+from aatri.formats.limits import ANOTHER_LIST
 from aatri.formats.parts.block_parts import KINDS, BlockParts, Rows, place, rows_of
 from aatri.formats.parts.joined import JoinedParts, joined
 from aatri.formats.parts.not_stated import DEFAULTS, NotStated, stated_frame
@@ -37,8 +38,6 @@ CAMERAS_BESIDE = (
     "of known numbers is a text file of the lines `Name = cam`, `focal = 4100`, `PPAx = 3000`, `PPAy = 2000`, "
     "`width = 6000`, `height = 4000` (px)"
 )
-ANOTHER_LIST = 14.0
-"""Standard deviations between two measurements of a point, ten of their difference: half of them no errors reach."""
 
 
 def assembled(

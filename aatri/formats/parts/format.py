@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field
 
-from aatri.formats.conventions.lens_conversion import MISFIT_PX
+from aatri.formats.limits import MISFIT_PX
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.text.archive import ZIP, only_document
 from aatri.options import Options

@@ -22,12 +22,10 @@ from aatri.arrays import Bool, Text
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.names import OF_IMAGES, OF_POINTS, Step, matched
+from aatri.formats.limits import SAME_M
 from aatri.formats.parts.block_parts import KINDS, BlockParts, Rows, place, rows_of, taken, together, twice
 from aatri.ids import shown
 from aatri.progress import Reporter
-
-SAME_M = 1e-4
-"""Coordinates that differ by less are those of one place: the last digit that lists are printed with."""
 
 
 @dataclass

@@ -21,6 +21,7 @@ from aatri.errors import InputError, raise_all
 from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import camera_parts
 from aatri.formats.conventions.poses import ground_from_image, is_rotation
+from aatri.formats.limits import MATRIX_DIGIT
 from aatri.formats.parts.block_parts import BlockParts
 from aatri.formats.parts.format import AS_IT_SAYS, FileView, Format, Reading, all_files
 from aatri.formats.text.text_line import TextLine, places, word_lines
@@ -32,9 +33,6 @@ HEAD = "fileName imageWidth imageHeight"
 EXPORT = "export the parameters again in Pix4D"
 SHAPE = (3, 3, 3, 3, 3, 2, 3, 3, 3, 3)
 """Words of the lines of an image."""
-
-MATRIX_DIGIT = 2e-6
-"""Largest difference of matrices that are printed with six decimals, each rounded by half of the last."""
 
 
 def read_pix4d(path: Path, reading: Reading = AS_IT_SAYS, reporter: Reporter = SILENT) -> BlockParts:

@@ -19,14 +19,11 @@ import numpy as np
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError
 from aatri.formats.conventions.names import OF_IMAGES, OF_POINTS, Step, matched
+from aatri.formats.limits import SAME_M, SAME_PX
 from aatri.formats.parts.block_parts import BlockParts, Rows, rows_of
-from aatri.formats.parts.joined import SAME_M
 from aatri.formats.registry.recognised import Recognised
 from aatri.ids import shown
 from aatri.progress import Reporter
-
-SAME_PX = 1e-3
-"""Image coordinates that differ by less are one measurement: the last digit that lists are printed with."""
 
 
 def fuller_ones(

@@ -15,6 +15,7 @@ import numpy as np
 from aatri.arrays import Float
 from aatri.formats.conventions.lens import Lens
 from aatri.formats.conventions.lens_conversion import as_program_states
+from aatri.formats.limits import LEAST_CHANGE_PX
 from aatri.formats.parts.block_parts import LOCAL, BlockParts
 from aatri.formats.parts.of_block import frame_of
 from aatri.formats.parts.one_frame import GEOCENTRIC, geographic, in_frame, tangent_place, topocentric
@@ -23,9 +24,6 @@ from aatri.frames.conversion import Frame
 from aatri.frames.heights import is_tangent_frame
 from aatri.geometry.collinearity import in_image_axes
 from aatri.progress import Reporter
-
-LEAST_PX = 1e-6
-"""A change of image points below this is not told: rounding of geocentric coordinates."""
 
 
 class MovedBlock(NamedTuple):
@@ -78,7 +76,7 @@ def in_other_frame(oriented: OrientedBlock, target: Frame, reporter: Reporter) -
     parts = BlockParts("aatri", [], frame=frame_of(oriented.block), exterior=exterior, ground_points=ground_points)
     parts = in_frame(parts, target, reporter)
     moved = MovedBlock(target, *map(np.asarray, (*parts.exterior.values(), parts.ground_points["xyz_m"])))
-    if (apart_px := _changed_px(oriented, moved)) > LEAST_PX:
+    if (apart_px := _changed_px(oriented, moved)) > LEAST_CHANGE_PX:
         what = f"moved from {oriented.block.frames.crs[0]} into {'the earth' if target == GEOCENTRIC else 'a horizon'}"
         reporter.log(f"{what}: image points fall up to {apart_px:.2g} px elsewhere, which maps distort")
     return moved

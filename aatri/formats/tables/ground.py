@@ -15,6 +15,7 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE
 from aatri.errors import GeometryError
+from aatri.formats.limits import MIN_CONTROL, SAME_PLACE_SIGMAS
 from aatri.formats.tables.columns import COORDINATES, GROUND_POINTS, SIGMAS
 from aatri.formats.tables.covariances import check_places, ground_point_covariances, with_own_covariances
 from aatri.formats.tables.positions import (
@@ -33,11 +34,6 @@ from aatri.geometry.portable_frame import BodyDistances, body_distances
 from aatri.ids import clipped, did_you_mean
 
 ROLES = {"control": CONTROL, "check": CHECK, "approximate": APPROXIMATE, "ignore": NO_ROLE}
-
-MIN_CONTROL = 3
-"""Points that could be the datum of a block without positions."""
-SAME_PLACE_SIGMAS = 3.0
-"""Two control points nearer than this many sigmas are pointed out."""
 
 
 def ground_point_columns(

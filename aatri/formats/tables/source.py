@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from aatri.arrays import Bool, Float, Int
 from aatri.errors import Faults
+from aatri.formats.limits import MOST_RAD
 from aatri.formats.tables.columns import TABLES, Stated, components
 from aatri.formats.tables.settings.block import Settings
 from aatri.formats.text.csv_table import MOST_PER_COLUMN, CsvTable, read_csv
@@ -146,10 +147,6 @@ def not_negative(table: CsvTable, column: str, *, zero: bool) -> None:
     bad = values < 0 if zero else values <= 0
     limit = "0 (exact) or more" if zero else "more than 0"
     table.complain(np.flatnonzero(bad), column, f"{column} is {{}}", f"a standard deviation is {limit}")
-
-
-MOST_RAD = 4 * np.pi
-"""Larger angles are no radians."""
 
 
 def angles_rad(source: Source, table: CsvTable, column: str, rows: npt.ArrayLike | None = None) -> Float:

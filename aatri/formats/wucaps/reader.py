@@ -15,14 +15,12 @@ import numpy as np
 
 from aatri.artifacts.block import NO_ROLE, Block, Fiducials, Frames
 from aatri.artifacts.builder import block_of
+from aatri.formats.limits import LARGEST_RATIO
 from aatri.formats.wucaps.files import WucapsFiles, WucapsPhoto, read_files
 from aatri.ids import canonical
 from aatri.progress import SILENT, Reporter
 
 Place = tuple[float, float]
-
-LARGEST_RATIO = 2.0
-"""Stated scale over that of known points; tilt and relief change it by less, a wrong factor by more."""
 
 CAMERA = "PRECAI"
 """Id of the camera; the files give it none."""

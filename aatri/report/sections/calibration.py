@@ -10,14 +10,13 @@ from aatri.formats.results.column_names import parameter_units
 from aatri.formats.results.interior_orientation import interior_covariances
 from aatri.formats.results.solution_tables import removed_parameters
 from aatri.ids import several
+from aatri.report.sections.limits import STRONG_CORRELATION
 from aatri.report.sections.parts import present
 from aatri.report.sections.tables import Columns, PageTable, all_rows
 from aatri.report.view.numbers import estimate, in_trade_unit, number
 from aatri.units import DASH, decimals, digits
 
 FILM = "film"
-STRONG = 0.5
-"""Correlations below this are left out."""
 OF_IMAGES = ("film", "velocity")
 """Groups whose parameters are those of single images: hundreds, which are counted."""
 CHANGES = ("c", "x0", "y0")
@@ -123,14 +122,14 @@ def _interior(solution: Solution) -> PageTable | None:
 def _correlations(solution: Solution) -> PageTable | None:
     """The strongest correlations of the camera parameters."""
     p = solution.parameters
-    one, other, r = correlations(solution, STRONG)
+    one, other, r = correlations(solution, STRONG_CORRELATION)
     columns: Columns = {
         "of": p.object[one],
         "parameter": p.name[one],
         "with": [f"{p.name[j]}{_of_other(p.object[i], p.object[j])}" for i, j in zip(one, other)],
         "correlation": (r, "{:.3f}".format),
     }
-    return all_rows(f"Correlations of {STRONG} or more, the strongest first", columns)
+    return all_rows(f"Correlations of {STRONG_CORRELATION} or more, the strongest first", columns)
 
 
 def _film(solution: Solution) -> PageTable | None:

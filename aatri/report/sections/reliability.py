@@ -8,9 +8,10 @@ from aatri.adjustment.statistics.limits import LEAST_CONTROLLED
 from aatri.arrays import Float, Int
 from aatri.artifacts.solution import Solution
 from aatri.evaluation.statistics import rmse_interval
+from aatri.report.sections.limits import LEAST_REDUNDANCY_OF_CLASS
 from aatri.report.sections.observations import uncontrolled_table
 from aatri.report.sections.parts import present
-from aatri.report.sections.tables import LEAST_REDUNDANCY, MOST_ROWS, Columns, PageTable, all_rows, errors, lengths
+from aatri.report.sections.tables import MOST_ROWS, Columns, PageTable, all_rows, errors, lengths
 from aatri.report.view.numbers import angle_units, in_trade_unit, number, spoken
 from aatri.units import DASH, digits
 
@@ -58,7 +59,7 @@ def groups(solution: Solution) -> list[tuple[str, float, float, float, str]]:
         v, sigma, r = residuals.residual[used], residuals.sigma[used], tests.redundancy[used]
         weighted = np.isfinite(v) & (np.nan_to_num(sigma) > 0) & np.isfinite(r)
         redundancy = float(r[weighted].sum())
-        if redundancy > LEAST_REDUNDANCY:
+        if redundancy > LEAST_REDUNDANCY_OF_CLASS:
             factor = float(np.sqrt(np.sum((v[weighted] / sigma[weighted]) ** 2) / redundancy))
             (low,), (high,) = rmse_interval(np.array([factor]), np.array([redundancy]), 0.95)
             made.append((spoken(kind), factor, float(low), float(high), ""))

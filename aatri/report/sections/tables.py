@@ -11,6 +11,7 @@ import numpy.typing as npt
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import Rejects
 from aatri.artifacts.solution import Solution
+from aatri.report.sections.limits import LEAST_REDUNDANCY_OF_CLASS
 from aatri.report.view.numbers import in_trade_unit, number, spoken
 from aatri.report.view.run_view import RESULTS
 from aatri.units import DASH, alike, decimals, digits, rms_alike
@@ -20,9 +21,6 @@ MOST_ROWS = 20
 
 LONG = 15
 """Tables of more rows are folded."""
-
-LEAST_REDUNDANCY = 1.0
-"""Of a class of observations, from which on its standard deviation a posteriori is told."""
 
 MOST_PRINTED = 40
 """Tables of more rows are not printed, but for check points, orientations and the like."""
@@ -180,7 +178,7 @@ def observation_classes(solution: Solution) -> PageTable | None:
         after = a_priori * sigma0
         if tests is not None and weighted.any():
             redundancy = float(np.nansum(tests.redundancy[used][weighted]))
-            if redundancy > LEAST_REDUNDANCY:
+            if redundancy > LEAST_REDUNDANCY_OF_CLASS:
                 after = a_priori * float(np.sqrt(np.sum((v[weighted] / sigma[weighted]) ** 2) / redundancy))
         size = np.where(np.isfinite(v), np.abs(v), -1.0).max(axis=1)
         worst = used[int(np.argmax(size))]

@@ -10,16 +10,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from aatri.formats.limits import MOST_UNDULATION_M
 from aatri.formats.tables.settings.camera import CameraSettings, Rig
 from aatri.formats.tables.settings.sections import Positive, ThreeSigmas, YamlSection
 from aatri.units import ANGLE_RAD, LENGTH_M, LENGTH_MM, TIME_S
 
 AXES = ({"east", "north", "up"}, {"x", "y", "z"}, {"latitude", "longitude", "height"})
 """Names of the axes of a frame; a frame has those of one set, in the order of its tables."""
-
-
-MOST_UNDULATION_M = 120.0
-"""No geoid undulation of the earth is larger."""
 
 
 def _word(value: Any) -> Any:
