@@ -27,7 +27,9 @@ from aatri.cli.new_from_text import (
 from aatri.cli.terminal.console import NARRATED, narrate
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError, SpecError
+from aatri.formats.limits import MIN_CONTROL
 from aatri.ids import amounts, did_you_mean, several
+from aatri.orientation.resection.limits import MIN_POINTS
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block
@@ -37,11 +39,6 @@ if TYPE_CHECKING:
 
 ANGLES = {"angles_rad", "ground_from_image"}
 """Columns of attitudes that a source may have."""
-FEWEST_RAYS = 3
-"""Image points by which an image is oriented."""
-FEWEST = 3
-"""Control points or positions that are a datum."""
-
 CALIBRATED = "self_calibration: {set: brown_conrady, remove: true}"
 """As programs of computer vision have it; what the block does not determine is taken out."""
 FIRST_IMAGES = (
@@ -181,7 +178,7 @@ def _check_enough(block: Block, where: str) -> None:
     if _to_match(block):
         return
     images, points = len(block.images), len(block.image_points)
-    enough = np.bincount(block.image_points.image, minlength=images) >= FEWEST_RAYS
+    enough = np.bincount(block.image_points.image, minlength=images) >= MIN_POINTS
     oriented = enough.copy()
     oriented[block.exterior.image[block.exterior.position_use == OBSERVED_VALUE]] = True
     if not images or (points and oriented.sum() >= min(2, images)):
@@ -189,7 +186,7 @@ def _check_enough(block: Block, where: str) -> None:
     what = f"{several(images, 'image')}, but no image points"
     if points:
         what = (
-            f"{several(points, 'image point')} in {several(images, 'image')}, {FEWEST_RAYS} and more "
+            f"{several(points, 'image point')} in {several(images, 'image')}, {MIN_POINTS} and more "
             f"in {int(enough.sum())}"
         )
     remedy = "add the file with the image points (tracks.csv, marks, tie points) as a further --from"
@@ -202,7 +199,7 @@ def _to_match(block: Block) -> bool:
 
     ties = ~block.points_given_as(CONTROL, CHECK)[block.image_points.point]
     count = np.bincount(block.image_points.image[ties], minlength=len(block.images))
-    return bool(len(block.images) and (block.images.path != "").all() and np.median(count) < FEWEST_RAYS)
+    return bool(len(block.images) and (block.images.path != "").all() and np.median(count) < MIN_POINTS)
 
 
 def counted(parts: BlockParts) -> list[str]:
@@ -237,7 +234,7 @@ def _has_start(block: Block) -> bool:
 
 def _has_datum(block: Block) -> bool:
     metrics = block.metrics()
-    return max(int(metrics["control_points"] or 0), int(metrics["exterior_observations"] or 0)) >= FEWEST
+    return max(int(metrics["control_points"] or 0), int(metrics["exterior_observations"] or 0)) >= MIN_CONTROL
 
 
 def _lacking(block: Block) -> list[str]:

@@ -210,6 +210,38 @@ def test_chances_and_limits_of_tests_stand_in_limits_alone() -> None:
     assert sorted(strays ^ set(_NO_TESTS)) == []
 
 
+_THRESHOLD = re.compile(
+    r"^\(?(FEWEST|LEAST|WEAK|WEAKEST|CLEARLY|ALIKE|FLAT|WRONG|MISFIT|GROSS|OFF|BEYOND|SUSPICIOUS|UNDETERMINED|WARNED|HARDLY"
+    r"|APART|STRONG)(_|\b)"
+)
+_OF_ARITHMETIC = {
+    "aatri/adapters/ground/initial_solution.py: LEAST_SIGMA": "stands for exact",
+    "aatri/adjustment/covariance/score.py: LEAST_SEEN": "rounding",
+    "aatri/adjustment/iterative/preconditioner.py: (LEAST_PIECE, MOST_PIECE)": "size of work",
+    "aatri/formats/lists/list_form.py: (FEWEST, MOST)": "columns of a file",
+    "aatri/orientation/graph/differences.py: LEAST": "rounding",
+    "aatri/orientation/relative/critical.py: CLEARLY": "bounds of work",
+    "aatri/pipeline/run/workers.py: LEAST_BYTES": "memory",
+    "aatri/pixels/least_squares_matching.py: ALIKE_PX": "reach of a filter",
+    "aatri/report/drawing/scales.py: LEAST_FOR_MAIN_PART": "drawing",
+    "aatri/report/plotting.py: (LEAST_HEIGHT, MOST_HEIGHT)": "drawing",
+}
+"""Numbers with the name of a threshold that decide nothing of data."""
+
+
+def test_thresholds_of_data_stand_in_limits_alone() -> None:
+    """What is few, weak, wrong, far off or alike is said once, in `limits.py` of a floor or room, or in a kernel."""
+    strays = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for top in ("aatri", "stages")
+        for path in sorted((ROOT / top).rglob("*.py"))
+        if path.name != "limits.py" and not {"kernels", "simulation", "testing"} & set(path.parts)
+        for name, _ in _source(path).numbers
+        if _THRESHOLD.search(name)
+    }
+    assert sorted(strays ^ set(_OF_ARITHMETIC)) == []
+
+
 PRIVATE_WORDS = {"found", "told", "heard", "mine", "gone", "tried", "said", "some", "given", "known", "held"}
 PRIVATE_WORDS |= {"wanted", "whole", "nothing", "alone", "aside", "snooped", "how", "felt"}
 

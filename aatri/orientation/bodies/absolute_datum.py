@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from aatri.artifacts.strips import Strips
 
 
-NAMED = 3
+MOST_NAMED = 3
 """Components, and strips that are not joined, that an error names."""
 
 Failed = tuple[Component, str, GeometryError | ConvergenceError]
@@ -283,7 +283,7 @@ def error_of_all(failed: Sequence[Failed], free: FreeBlock) -> GeometryError | C
     errors = [error for _, _, error in failed]
     open_components = [error.what for error in errors]
     unjoined = [f"not joined: {text}" for text in free.unjoined]
-    texts = [*open_components[:NAMED], *unjoined[:NAMED]]
+    texts = [*open_components[:MOST_NAMED], *unjoined[:MOST_NAMED]]
     left = len(open_components) + len(unjoined) - len(texts)
     texts += [f"and {left} more"] if left else []
     remedies = [errors[0].remedy]

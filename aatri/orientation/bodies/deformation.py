@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 GROWTH = 0.05
 
-NAMED = 3
+MOST_NAMED = 3
 """So many bodies are named where they do not fit."""
 
 CALLED = {
@@ -124,7 +124,7 @@ def farthest_bodies(tied: TiedResult, names: Text) -> str:
     body, used = dict(o.records.touches)[BODY], tied.active[: len(o)]
     squares = np.nansum(tied.residuals[: len(o)] ** 2, axis=1) * used
     off_m = np.sqrt(np.bincount(body, squares, len(names)) / np.maximum(np.bincount(body, squares > 0, len(names)), 1))
-    worst = np.argsort(-off_m, kind="stable")[:NAMED]
+    worst = np.argsort(-off_m, kind="stable")[:MOST_NAMED]
     return f"; farthest off: {', '.join(f'{names[k]} {off_m[k]:.2g} m (RMS)' for k in worst)}"
 
 

@@ -22,7 +22,7 @@ from aatri.units import DASH, decimals, digits, together
 PLANES = ("plane", "vertical_plane", "horizontal_plane", "equal_height")
 LINES = ("line", "plumb_line", "horizontal_line")
 ROUND = ("sphere", "cylinder")
-NAMED = 4
+MOST_NAMED = 4
 STEEP = 1e-6
 """Sine of a nadir distance below which an axis has no bearing."""
 
@@ -69,7 +69,7 @@ def shapes_table(block: Block, solution: Solution) -> PageTable | None:
     v = [residuals.residual[rows[int(c)]][residuals.active[rows[int(c)]]] for c in conditions]
     columns: Columns = {
         "shape": control.type[conditions],
-        "points": [shown(members.id[members_of[int(c)]].tolist(), NAMED) for c in conditions],
+        "points": [shown(members.id[members_of[int(c)]].tolist(), MOST_NAMED) for c in conditions],
         "normal or axis": lying,
         "sigma": ["exact" if m == 0 else together([m]) for m in control.sigma[conditions].tolist()],
         "used": np.array([len(of_shape) for of_shape in v]),
