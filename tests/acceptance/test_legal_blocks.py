@@ -42,6 +42,9 @@ ONCE_LOST = (
     # a strip of a wrong model is left out, and those beside it, of positions on a line each, begin level
     "control=none positions=all attitudes=none tilt=5 camera=digital parameters=fixed sigmas=half wrong=weak "
     "seed=31008 sigmas_of=control noise=normal",
+    # points that were lost while a wrong position bent the block come back when it has gone
+    "control=two positions=some attitudes=all tilt=15 camera=film parameters=free sigmas=fifth wrong=position "
+    "seed=30695 sigmas_of=position noise=normal",
 )
 """Random cells that ended badly at some time."""
 

@@ -263,10 +263,13 @@ class _Search(ExactCoordinates):
         return np.isin(np.arange(len(self.all.native)), rows)
 
     def _agreeing_at_lost_points(self, tested: TestedBlock, use: Bool) -> Bool:
-        """What nearly agrees at points that were lost with rejections of earlier stages, (n,): the block tests it."""
+        """What nearly agrees at points that were lost, to earlier stages or before something else went, (n,).
+
+        The block tests it.
+        """
         rejected, rays, result = self.all.native & self.all.at_points & ~use, self.block.rays, tested.result
         points = np.unique(self.all.point[rejected])
-        points = points[~result.point_adjusted[points] & (self.attributions[points] == 0)]
+        points = points[~result.point_adjusted[points] & (self.attributions[points] < 2)]  # asked once, or never
         if rays is None or not len(points):
             return np.zeros_like(use)
         self.attributions[points] += 1
