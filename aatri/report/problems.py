@@ -85,14 +85,14 @@ def problems(run: RunView, lights: Iterable[Light]) -> list[ReportedProblem]:
 
 
 def _of_stages(run: RunView) -> list[ReportedProblem]:
-    """Warnings of what was read, of the last result and of its evaluations.
+    """Warnings of what was read, of its image points, of the last result and of its evaluations.
 
-    Stages on the way have theirs beside them: the next one tests again what they tell.
+    Stages between have theirs beside them: the next one tests again what they tell. No other stage sees fiducial marks.
     """
     solutions = run.of_kind(Solution)
     earlier = {stage.name for stage in solutions[:-1]}
     evaluations = [stage for stage in run.of_kind(Evaluation) if not earlier & set(stage.inputs.values())]
-    asked = [*run.of_kind(Block), *solutions[-1:], *evaluations] if solutions else run.stages
+    asked = [*run.of_kind(Block), *run.of_kind(ImagePoints), *solutions[-1:], *evaluations] if solutions else run.stages
     return [
         _of_warning(str(warning), stage.name)
         for stage in asked
