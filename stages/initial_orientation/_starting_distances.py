@@ -52,11 +52,11 @@ def starting_distances(
             trial = factor.copy()
             trial[cameras] *= f
             models = models_of(with_distances(block, trial), own)
-            return rotation_misfit(graph_of(models, FEWEST_POINTS, FEWEST_POINTS), turns_of(models))
+            return f * rotation_misfit(graph_of(models, FEWEST_POINTS, FEWEST_POINTS), turns_of(models))
 
         best = starting_factor(misfit)
         if best != 1.0:
-            stated, fitting = (np.degrees(misfit(f)) for f in (1.0, best))
+            stated, fitting = np.degrees(misfit(1.0)), np.degrees(misfit(best)) / best
             factor[cameras] = best
             c_mm = block.cameras.principal_distance_mm[cameras[0]]
             text = (

@@ -112,8 +112,8 @@ LEAST_PARALLAX_RAD = 0.005
 FITTING_ROTATIONS_RAD = 0.005
 """Rotations of pairs that fit within 0.3 degrees call for no other principal distance."""
 
-LEFT_BY_DISTANCE = 0.5
-"""Share of the misfit that another principal distance may leave to be taken: chance alone leaves more than 0.8."""
+LEFT_BY_DISTANCE = 0.7
+"""Share of the misfit that another principal distance may leave to be taken."""
 
 FEWEST_IN_TRIANGLES = 6
 """Pairs in triangles that tell of a principal distance: those of four images."""

@@ -4,10 +4,11 @@ With a principal distance that is wrong by a factor each pair of convergent imag
 little, so that around loops of images the rotations R_right = R_left R_pair no longer agree. What averaged rotations
 leave of them is least at the right one:
 
-    misfit(f) = 75 % quantile of |log(R_left R_pair(f c) R_right')| over the pairs that lie in triangles
+    misfit(f) = f times the 75 % quantile of |log(R_left R_pair(f c) R_right')| over the pairs that lie in triangles
 
-Factors of up to 5/3, and what stands against the stated one must be clear: less than half of its misfit. Parallel views
-of flat ground tell nothing, and change nothing.
+f, as the same error in an image turns its rays by less with a longer principal distance. Factors of up to 5/3 are
+tried, and what stands against the stated one must be clear. Parallel views of flat ground tell nothing, and change
+nothing.
 
 Source: Sweeney et al., ICCV 2015 (the viewing graph); Pan et al., ECCV 2024, 3.1 (calibration of the view graph).
 """
@@ -41,7 +42,7 @@ def starting_factor(misfit: Callable[[float], float]) -> float:
     Parameters
     ----------
     misfit : callable
-        Factor -> misfit of the rotations, rad.
+        Factor -> misfit of the rotations, times the factor, rad.
     """
     stated = misfit(1.0)
     if stated <= FITTING_ROTATIONS_RAD or not np.isfinite(stated):

@@ -160,7 +160,7 @@ def test_the_least_misfit_counts_where_it_is_clear() -> None:
         return 0.002 + 0.1 * abs(f - 1.23)
 
     assert starting_factor(valley) == pytest.approx(1.23, rel=0.013)
-    assert starting_factor(lambda f: 0.6 * 0.02 if f > 1.2 else 0.02) == 1.0  # no less than half
+    assert starting_factor(lambda f: 0.8 * 0.02 if f > 1.2 else 0.02) == 1.0  # hardly less
     assert starting_factor(lambda f: 0.004 * abs(f - 1.1)) == 1.0  # they fit
     assert starting_factor(lambda f: float("inf")) == 1.0  # no triangles
 
