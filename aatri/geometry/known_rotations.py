@@ -21,8 +21,9 @@ from aatri.arrays import Float, Int, finite_rows
 from aatri.geometry.limits import FAR_OFF_RAYS, FARTHEST_RAD, MOST_CENTRES, UNKNOWN_PLACE
 from aatri.geometry.vectors import tangents
 
-STEPS, FAR, EXACT = 12, 100.0, 1e-6
-"""Of reweighting; lengths of rays within which a place lies of which nothing tells; their share known of exact ones."""
+STEPS, FAR, EXACT, SHORT = 12, 30.0, 1e-6, 0.1
+"""Of reweighting; lengths of rays within which a place lies of which nothing tells; their share known of exact ones,
+and that of the shortest: without a scale lengths fall to zero, and their weights would be rounding."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +60,10 @@ def places_by_rays(rays: DirectedRays, observed: ObservedPlaces, n: int) -> tupl
         xyz, covariance, off_rad = _solved(taken, observed, n)
         if np.median(off_rad) > FARTHEST_RAD:
             break
-        off = off_rad / taken.sigma_rad
-        far = off > FAR_OFF_RAYS * max(1.0, float(np.median(off)))
+        off, firm = off_rad / taken.sigma_rad, finite_rows(xyz[taken.centre]) & finite_rows(xyz[taken.point])
+        far = firm & (off > FAR_OFF_RAYS * max(1.0, float(np.median(off))))
         count, most_far = np.bincount(taken.point), np.bincount(taken.point, far)
         far |= (2 * most_far >= count)[taken.point]  # which of two rays is wrong nobody knows
-        firm = finite_rows(xyz[taken.centre]) & finite_rows(xyz[taken.point])
         if (firm & ~far).all():
             return xyz, covariance
         rows = rows[firm & ~far]
@@ -87,15 +87,16 @@ def _solved(rays: DirectedRays, observed: ObservedPlaces, n: int) -> tuple[Float
     # lengths that are far too long at first: beside such rays all that is known is exact
     length, robust = np.full(k, 10.0 * max(float(np.ptp(xyz, axis=0).max(initial=0.0)), 1.0)), np.ones(k)
     for _ in range(STEPS):
-        typical, weight = float(np.median(length)), np.repeat(robust / (length * rays.sigma_rad) ** 2, 2)
+        typical, weight = float(np.quantile(length, 0.9)), np.repeat(robust / (length * rays.sigma_rad) ** 2, 2)
         weight_observed = 1.0 / np.maximum(sigma, EXACT * typical).ravel() ** 2
         diagonal = np.bincount(of_observed, weight_observed, size) + 1.0 / (FAR * typical) ** 2
         N = csc_array(A.T @ diags_array(weight) @ A + diags_array(diagonal))
         factor = splu(N)
         X = factor.solve(np.bincount(of_observed, weight_observed * xyz.ravel(), size)).reshape(-1, 3)
         w = X[point] - X[centre]
-        length = np.maximum(np.linalg.norm(w, axis=1), EXACT * typical)
-        off_rad = np.arccos(np.clip(np.einsum("ni,ni->n", w, rays.direction) / length, -1.0, 1.0))
+        away = np.maximum(np.linalg.norm(w, axis=1), EXACT * typical)
+        off_rad = np.arccos(np.clip(np.einsum("ni,ni->n", w, rays.direction) / away, -1.0, 1.0))
+        length = np.maximum(away, SHORT * typical)
         off = off_rad / rays.sigma_rad
         robust = 1.0 / np.maximum(off / max(float(np.median(off)), 1.0), 1.0)
     c = len(centres)
@@ -106,7 +107,9 @@ def _solved(rays: DirectedRays, observed: ObservedPlaces, n: int) -> tuple[Float
     share = 1.0 / np.bincount(point, minlength=len(used))[point]
     np.add.at(C, point, of_centres[centre] * share[:, None, None])  # a point moves as its centres do
     C *= max(1.0, float(np.median(off))) ** 2
-    firm = np.einsum("nii->n", C) < (UNKNOWN_PLACE * float(np.median(length))) ** 2
+    ends = np.append(centre, point)
+    distance = np.bincount(ends, np.append(length, length)) / np.bincount(ends)
+    firm = np.einsum("nii->n", C) < (UNKNOWN_PLACE * distance) ** 2
     places, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
     places[used[firm]], covariance[used[firm]] = X[firm], C[firm]
     return places, covariance, off_rad

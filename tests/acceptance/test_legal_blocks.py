@@ -45,6 +45,9 @@ ONCE_LOST = (
     # points that were lost while a wrong position bent the block come back when it has gone
     "control=two positions=some attitudes=all tilt=15 camera=film parameters=free sigmas=fifth wrong=position "
     "seed=30695 sigmas_of=position noise=normal",
+    # a strip without a scale beside strips that are placed by attitudes
+    "control=two positions=none attitudes=all tilt=0 camera=film parameters=removable sigmas=fifth wrong=weak "
+    "seed=41314 sigmas_of=all noise=normal",
 )
 """Random cells that ended badly at some time."""
 

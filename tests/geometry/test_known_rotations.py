@@ -55,3 +55,13 @@ def test_one_wrong_direction_does_not_move_the_others() -> None:
     off = np.abs(xyz - np.concatenate([CENTRES, POINTS]))
     assert np.isfinite(off[1:6]).all()
     assert np.nanmax(off) < 1e-3
+
+
+def test_a_strip_of_no_scale_beside_placed_ones_is_left_out_and_harms_none() -> None:
+    rays, shift = rays_of(1e-5), 12
+    beside = [np.concatenate([ends, ends + shift]) for ends in (rays.centre, rays.point)]
+    both = DirectedRays(*beside, np.tile(rays.direction, (2, 1)), np.tile(rays.sigma_rad, 2))
+    control = ObservedPlaces(np.array([6, 11, 18]), POINTS[[0, 5, 0]], np.full((3, 3), 0.01))
+    xyz, _ = places_by_rays(both, control, 24)
+    assert np.allclose(xyz[:12], np.concatenate([CENTRES, POINTS]), atol=2.0)
+    assert np.isnan(np.delete(xyz[12:], 6, axis=0)).all()
