@@ -12,8 +12,9 @@ import pytest
 
 import aatri
 from aatri.artifacts.block import Block, CameraParameters
+from aatri.artifacts.suspects import Suspects
 from aatri.orientation.graph.starting_distance import near_images, starting_factor
-from aatri.stages.bundle_adjustment.bundle import bundle
+from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.stages.film_blocks import Told
@@ -180,3 +181,36 @@ def test_images_that_look_to_all_sides_are_upside_down_nowhere() -> None:
     start = graph(block, calibrated(block), context=Told(), rng=np.random.default_rng(1))
     assert start.images.oriented.all()
     np.testing.assert_allclose(start.images.position_m[:, 2], [0.9, 1.0] * 10, atol=0.1)
+
+
+@pytest.mark.slow(after=1)
+def test_points_of_two_rays_that_fit_the_adjusted_camera_come_back() -> None:
+    """An earlier stage has left them out, of a block whose principal distance is a tenth off."""
+    block = column(0.9)
+    rows = block.image_points
+    order = np.lexsort((rows.image, rows.point))
+    place = np.arange(len(order)) - np.searchsorted(rows.point[order], rows.point[order])
+    many = np.bincount(rows.point)[rows.point[order]] > 5
+    block = replace(block, image_points=rows.take(np.sort(order[(place < 2) | many & (rows.point[order] % 3 > 0)])))
+    points, rows = calibrated(block), block.image_points
+    start = graph(block, points, context=Told(), rng=np.random.default_rng(1))
+    out = np.flatnonzero(np.bincount(rows.point)[rows.point] == 2)
+    n = len(out)
+    assert n > 40
+    suspects = Suspects(
+        kind=np.full(n, "image_point"),
+        row=out.astype(np.int32),
+        image=block.images.id[rows.image[out]],
+        point=block.points.id[rows.point[out]],
+        stage=np.full(n, "initial_orientation"),
+        size=np.full(n, np.nan),
+        unit=np.full(n, "mm"),
+        sigma=np.full(n, np.nan),
+        test=np.full(n, 50.0),
+        verdict=np.full(n, "rejected"),
+    )
+    xyz_m = start.points.xyz_m.copy()
+    xyz_m[np.unique(rows.point[out])] = np.nan
+    start = replace(start, suspects=suspects, points=replace(start.points, xyz_m=xyz_m))
+    done = bundle(block, points, start, options=BundleOptions(datum="free"))
+    assert done.suspects.staying_out.sum() == 0

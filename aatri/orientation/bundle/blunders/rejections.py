@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from aatri.adjustment.statistics.rejection import Pool, Snooping, clearest, pool_of, room_left
-from aatri.arrays import Bool, Float, Int
+from aatri.arrays import Bool, Float, Int, finite_rows
+from aatri.observations.image_point_rows import ImagePointRows
+from aatri.observations.image_points import KIND as IMAGE_POINT
 from aatri.observations.poses import POINT, POSE
 from aatri.orientation.bundle.block import BundleInput
 from aatri.orientation.bundle.blunders.all_records import AllRecords
@@ -17,6 +19,9 @@ from aatri.orientation.bundle.complete_start import robust_intersections
 from aatri.orientation.bundle.result import BundleResult
 
 MOST_ATTRIBUTIONS = 3
+
+CAMERA_PASSES = 3
+"""Intersections until rays of adjusted cameras meet: each leaves a tenth of the error where c is a tenth off."""
 
 CLEAR = {"robust_snooping": 0.0, "data_snooping": 0.5}
 """Least test of a rejection, as a share of the largest of the round: after a robust start what is left is small."""
@@ -141,9 +146,31 @@ class Rejections:
         xyz, rays = result.adjusted.state[POINT].copy(), self.block.rays
         if rays is not None:
             rays = replace(rays, active=rays.active & result.image_adjusted[rays.image])
-            met = robust_intersections(rays, result.adjusted.state[POSE], points, len(xyz))
-            xyz = np.where(np.isfinite(met), met, xyz)
+            for k in range(CAMERA_PASSES if self.block.parameters else 1):
+                rays = self._by_adjusted_cameras(rays, result, points, xyz) if k else rays
+                met = robust_intersections(rays, result.adjusted.state[POSE], points, len(xyz))
+                xyz = np.where(np.isfinite(met), met, xyz)
         return np.asarray(xyz)
+
+    def _by_adjusted_cameras(
+        self, rays: ImagePointRows, result: BundleResult, points: Int, xyz_m: Float
+    ) -> ImagePointRows:
+        """Image points as cameras of the stated principal distances without a lens would see them there.
+
+        The residuals at points nearby are those of the adjusted cameras.
+        """
+        poses, of_rays = result.adjusted.state[POSE], next(o for o in self.all.observed if o.kind == IMAGE_POINT)
+        rows = np.flatnonzero(rays.active & np.isin(rays.point, points) & finite_rows(xyz_m)[rays.point])
+        u = np.einsum(
+            "nji,nj->ni",
+            poses.ground_from_image[rays.image[rows]],
+            xyz_m[rays.point[rows]] - poses.position_m[rays.image[rows]],
+        )
+        rows, u = rows[u[:, 2] < 0], u[u[:, 2] < 0]
+        residual_mm = of_rays.records.evaluate({**result.adjusted.state, POINT: xyz_m}, rows)[0]
+        xy_mm = rays.xy_mm.copy()
+        xy_mm[rows] = -rays.c_mm[rows, None] * u[:, :2] / u[:, 2:] - residual_mm
+        return replace(rays, xy_mm=xy_mm)
 
     def within_room(self, wrong: Bool, active: Bool, test: Float) -> Bool:
         """Of what is wrong as much as there is room for in each kind, the clearest first."""
