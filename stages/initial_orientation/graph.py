@@ -103,10 +103,12 @@ def graph(
     factor, of_distances = np.ones(len(block.cameras)), list[Note]()
     if models is None:
         images = _pairs(block, image_points, options, context)
+        limit = options.snooping_limit
         factor, of_distances = starting_distances(
             block,
+            image_points,
             images,
-            lambda b, pairs: _models(b, image_points, pairs, options.snooping_limit, SILENT, SAMPLES_ON_TRIAL),
+            lambda b, points, pairs: _models(b, points, pairs, limit, SILENT, SAMPLES_ON_TRIAL),
         )
         models = _models(with_distances(block, factor), image_points, images, options.snooping_limit, context)
     pairs = graph_of(models, options.min_points, FEWEST_POINTS)

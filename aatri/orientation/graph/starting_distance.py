@@ -14,6 +14,7 @@ Source: Sweeney et al., ICCV 2015 (the viewing graph); Pan et al., ECCV 2024, 3.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,35 +30,57 @@ HALVINGS = 2
 """Of the step between them, towards the best: 1.3 % in the end, from which a bundle begins."""
 
 
-def rotation_misfit(graph: PairGraph, turns: RotationPairs) -> float:
-    """What averaged rotations leave of those of pairs, rad; infinite where too few lie in triangles."""
+@dataclass(frozen=True)
+class StartingFactor:
+    """The factor on a principal distance with which rotations of pairs fit each other."""
+
+    factor: float
+    """1 where the stated one does, or nothing tells."""
+    stated_rad: float
+    misfit_rad: float
+    """75 % of the rotations of pairs fit within these, with the stated principal distance and with this one."""
+
+
+def rotation_errors(graph: PairGraph, turns: RotationPairs) -> Float:
+    """What averaged rotations leave of those of pairs that lie in triangles, (k,), rad."""
     _, error, triangles = averaged(graph, turns)
-    checked = error[(triangles > 0) & np.isfinite(error)]
-    return float(np.quantile(checked, 0.75)) if len(checked) >= FEWEST_IN_TRIANGLES else float("inf")
+    return np.asarray(error[(triangles > 0) & np.isfinite(error)])
 
 
-def starting_factor(misfit: Callable[[float], float]) -> float:
-    """The factor on a principal distance with which rotations of pairs fit each other; 1 where the stated one does.
+def starting_factor(errors_of: Callable[[float], Float]) -> StartingFactor:
+    """The factor on a principal distance with which rotations of pairs fit each other.
 
     Parameters
     ----------
-    misfit : callable
-        Factor -> misfit of the rotations, times the factor, rad.
+    errors_of : callable
+        Factor -> what averaged rotations leave of those of pairs in triangles, (k,), rad.
     """
-    stated = misfit(1.0)
-    if stated <= FITTING_ROTATIONS_RAD or not np.isfinite(stated):
-        return 1.0
-    misfits = {1.0: stated, **{f: misfit(f) for f in FACTORS.tolist() if abs(f - 1.0) > 1e-9}}
+    errors = errors_of(1.0)
+    pairs, stated = len(errors), _misfit(errors, len(errors))
+    if pairs < FEWEST_IN_TRIANGLES or stated <= FITTING_ROTATIONS_RAD:
+        return StartingFactor(1.0, stated, stated)
+    misfits = {1.0: stated}
+    misfits |= {f: f * _misfit(errors_of(f), pairs) for f in FACTORS.tolist() if abs(f - 1.0) > 1e-9}
+    best = min(misfits, key=misfits.__getitem__)
+    if best in (FACTORS[0], FACTORS[-1]):  # there it is not least
+        return StartingFactor(1.0, stated, stated)
     step = float(np.log(FACTORS[1] / FACTORS[0]))
     for _ in range(HALVINGS):
         step /= 2
+        near = (best * float(np.exp(-step)), best * float(np.exp(step)))
+        misfits |= {f: f * _misfit(errors_of(f), pairs) for f in near}
         best = min(misfits, key=misfits.__getitem__)
-        misfits |= {f: misfit(f) for f in (best * float(np.exp(-step)), best * float(np.exp(step)))}
-    best = min(misfits, key=misfits.__getitem__)
-    return best if misfits[best] < LEFT_BY_DISTANCE * stated else 1.0
+    clear = misfits[best] < LEFT_BY_DISTANCE * stated
+    return StartingFactor(best, stated, misfits[best] / best) if clear else StartingFactor(1.0, stated, stated)
 
 
-def near_images(left: Int, right: Int, images: int, most_pairs: int) -> Int:
+def _misfit(errors: Float, pairs: int) -> float:
+    """75 % quantile of the errors of so many pairs; those that form no model, or lie in no triangle, do not fit."""
+    place = int(np.ceil(0.75 * max(pairs, len(errors)))) - 1
+    return float(np.sort(errors)[place]) if 0 <= place < len(errors) else float("inf")
+
+
+def pairs_around_one_image(left: Int, right: Int, images: int, most_pairs: int) -> Int:
     """Pairs of images that hang together, at most so many about, (k,): those around the image of most pairs."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import breadth_first_order

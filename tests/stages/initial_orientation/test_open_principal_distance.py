@@ -5,6 +5,7 @@ Around an object the rotations of pairs say what it is, before anything is adjus
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 import aatri
 from aatri.artifacts.block import Block, CameraParameters
 from aatri.artifacts.suspects import Suspects
-from aatri.orientation.graph.starting_distance import near_images, starting_factor
+from aatri.orientation.graph.starting_distance import pairs_around_one_image, starting_factor
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from aatri.stages.initial_orientation.graph import graph
 from aatri.stages.interior_orientation.calibrated import calibrated
@@ -144,7 +145,7 @@ def test_an_open_distance_far_off_is_found_from_the_rotations_of_pairs(factor: f
     start = graph(block, calibrated(block), context=told, rng=np.random.default_rng(1))
     assert start.images.oriented.all()
     (line,) = [line for line in told.lines if "rotations of pairs fit within" in line]
-    c_mm = float(line.split("principal distance of ")[1].split()[0])
+    c_mm = float(line.split("degrees with ")[1].split()[0])
     assert abs(c_mm - C_MM) < 0.02 * C_MM
 
 
@@ -157,22 +158,27 @@ def test_one_that_fits_or_is_stated_without_doubt_is_used_as_it_is(factor: float
 
 
 def test_the_least_misfit_counts_where_it_is_clear() -> None:
+    def factor(misfit: Callable[[float], float], pairs: Callable[[float], int] = lambda f: 20) -> float:
+        return starting_factor(lambda f: np.full(pairs(f), misfit(f) / f)).factor
+
     def valley(f: float) -> float:
         return 0.002 + 0.1 * abs(f - 1.23)
 
-    assert starting_factor(valley) == pytest.approx(1.23, rel=0.013)
-    assert starting_factor(lambda f: 0.8 * 0.02 if f > 1.2 else 0.02) == 1.0  # hardly less
-    assert starting_factor(lambda f: 0.004 * abs(f - 1.1)) == 1.0  # they fit
-    assert starting_factor(lambda f: float("inf")) == 1.0  # no triangles
+    assert factor(valley) == pytest.approx(1.23, rel=0.013)
+    assert factor(valley, lambda f: 20 if f < 1.1 else 8) < 1.1  # pairs that form no model do not fit
+    assert factor(lambda f: 0.8 * 0.02 if f > 1.2 else 0.02) == 1.0  # hardly less
+    assert factor(lambda f: 0.004 * abs(f - 1.1)) == 1.0  # they fit
+    assert factor(lambda f: 0.02 * f**-4) == 1.0  # least beyond all that are tried
+    assert factor(valley, lambda f: 3) == 1.0  # too few triangles
 
 
 def test_of_many_pairs_those_near_each_other_are_tried() -> None:
     left, right = np.arange(99), np.arange(1, 100)
     left, right = np.append(left, [50, 50]), np.append(right, [52, 53])
-    chosen = near_images(left, right, 100, 10)
+    chosen = pairs_around_one_image(left, right, 100, 10)
     assert len(chosen) == 10
     assert np.abs(np.concatenate([left[chosen], right[chosen]]) - 50).max() <= 6
-    assert near_images(left, right, 100, 200).tolist() == list(range(101))
+    assert pairs_around_one_image(left, right, 100, 200).tolist() == list(range(101))
 
 
 def test_images_that_look_to_all_sides_are_upside_down_nowhere() -> None:

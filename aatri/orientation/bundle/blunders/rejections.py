@@ -159,7 +159,7 @@ class Rejections:
 
         The residuals at points nearby are those of the adjusted cameras.
         """
-        poses, of_rays = result.adjusted.state[POSE], next(o for o in self.all.observed if o.kind == IMAGE_POINT)
+        poses, (of_rays,) = result.adjusted.state[POSE], [o for o in self.all.observed if o.kind == IMAGE_POINT]
         rows = np.flatnonzero(rays.active & np.isin(rays.point, points) & finite_rows(xyz_m)[rays.point])
         u = np.einsum(
             "nji,nj->ni",
