@@ -13,7 +13,7 @@ import numpy as np
 from aatri.adjustment.problem import SolverSettings
 from aatri.adjustment.unknowns import Ids
 from aatri.arrays import Bool, Float, Int, finite_rows
-from aatri.errors import GeometryError
+from aatri.errors import ConvergenceError, GeometryError
 from aatri.geometry.rotations import levelling
 from aatri.geometry.similarity import Similarity, transform
 from aatri.ids import shown
@@ -31,6 +31,7 @@ from aatri.orientation.graph.limits import (
     LEAST_FITTING,
     LEAST_SHOWN,
     LEAST_SPREAD,
+    NARROW_RAD,
     TRIM_LIMIT,
     WIDE_RAD,
 )
@@ -114,8 +115,12 @@ def adjusted_component(
     GeometryError, ConvergenceError
         If too little of it fits.
     """
-    poses = Poses(centre, rotation).where(images)
-    return refined(rays, poses, image_ids, point_ids, (wide_mm(rays), None), reporter)
+    poses, limit_mm = Poses(centre, rotation).where(images), wide_mm(rays)
+    try:
+        return refined(rays, poses, image_ids, point_ids, (limit_mm, None), reporter)
+    except ConvergenceError as error:  # an image that fits nowhere keeps the others from settling
+        reporter.log(f"once more with the rays that fit better: {error.what}")
+        return refined(rays, poses, image_ids, point_ids, (limit_mm * NARROW_RAD / WIDE_RAD, None), reporter)
 
 
 def wide_mm(rays: ImagePointRows) -> float:

@@ -5,6 +5,9 @@
 WIDE_RAD = 0.03
 """Rays farther off than this before the bundle are left out of it."""
 
+NARROW_RAD = 0.005
+"""The same where with those up to `WIDE_RAD` it does not converge: a mirrored image of a wall is some degrees off."""
+
 FEWEST_POINTS = 6
 """Images with fewer points that fit are not oriented."""
 

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from aatri.errors import ConvergenceError
 from aatri.geometry.similarity import transform
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
+from aatri.orientation.graph import component
 from aatri.orientation.graph.component import ImageComponent
 from aatri.orientation.graph.component_bodies import principal_distance_shares
 from aatri.orientation.graph.differences import fitted, fitted_robustly
@@ -232,3 +234,23 @@ def test_principal_distances_of_single_images_are_off_together_and_those_of_seve
     block = SimpleNamespace(cameras=_Cameras(), images=SimpleNamespace(camera=of_image), camera_parameters=parameters)
     shares = principal_distance_shares(cast(Any, block), cast(Any, SimpleNamespace(image=np.arange(7))))
     np.testing.assert_allclose(shares, [[0.01, FREE_DISTANCE_SHARE, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0.02, 0.02, 0.02]])
+
+
+def test_a_component_that_does_not_settle_begins_once_more_without_the_rays_farther_off(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One mirrored image, whose rays lie within the wide limit, keeps all others from converging."""
+    limits = list[float | None]()
+
+    def refined(*arguments: Any) -> str:
+        limits.append(arguments[4][0])
+        if len(limits) == 1:
+            raise ConvergenceError("no convergence")
+        return "the others"
+
+    monkeypatch.setattr(component, "refined", refined)
+    rays = cast(ImagePointRows, SimpleNamespace(c_mm=np.full(3, 24.0)))
+    images, rotation, centre = np.ones(2, dtype=bool), np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3))
+    done: Any = component.adjusted_component(rays, images, rotation, centre, ("a", "b"), ("1",))
+    assert done == "the others"
+    assert limits == pytest.approx([24.0 * 0.03, 24.0 * 0.005])
