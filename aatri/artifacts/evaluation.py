@@ -142,7 +142,7 @@ class LayoutPoints(Table):
 class Evaluation(Artifact):
     """Accuracy of a Solution, or of free strips; what has moved between two epochs; what a layout is worth."""
 
-    verdict: str = attribute(doc="one sentence: what is known of the accuracy, and from what")
+    verdict: str = attribute(doc="what is known of the accuracy, and from what, a line for each statement")
     figures: Figures = table()
     differences: Differences = table()
     models: SingleModels | None = table(default=None)

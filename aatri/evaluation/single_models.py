@@ -258,10 +258,10 @@ def with_models(evaluation: Evaluation, models: SingleModels | None, *, compared
     figures = {name: value for name, value in figures.items() if np.isfinite(value)}
     digits = ".2g" if parallax < 10 else ".0f"
     count = f"{len(models)} single model{'' if len(models) == 1 else 's'}"
-    why = " Models are not compared with check points: the datum is free, and they are in another frame."
+    why = "\nModels are not compared with check points: the datum is free, and they are in another frame."
     return replace(
         evaluation,
-        verdict=f"{evaluation.verdict} y-parallaxes of {parallax:{digits}} um RMS in {count}.{'' if compared else why}",
+        verdict=f"{evaluation.verdict}\ny-parallaxes of {parallax:{digits}} um RMS in {count}.{'' if compared else why}",
         figures=Figures(
             name=np.concatenate([evaluation.figures.name, list(figures)]),
             value=np.concatenate([evaluation.figures.value, list(figures.values())]),

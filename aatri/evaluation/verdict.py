@@ -1,4 +1,4 @@
-"""One sentence or two on what is known of the accuracy, and from what. No figure without the points it comes from.
+"""A few sentences on what is known of the accuracy, and from what. No figure without the points it comes from.
 
 It says, too, where the ratio of empirical to theoretical accuracy lies if the theory is right. Errors of neighbouring
 points are correlated: n of them amount to n_e = (tr C)^2 / tr C^2 independent ones, which the adjustment counts
@@ -57,7 +57,7 @@ def outside_expected(figures: Mapping[str, float], points: str) -> list[str]:
             continue
         low, high = _limits(n, 1.0 - ALARM)
         if not low <= value <= high:
-            chance = f"chance gives {low:.2f} to {high:.2f}, as {n:.0f} independent errors"
+            chance = f"chance gives {low:.2f} to {high:.2f} of {_count(round(n), 'independent error')}"
             beyond.append(f"{value:.2f} times their standard deviations in {axis.upper()} ({chance})")
     names = {
         "check": "Errors at check points",
@@ -82,7 +82,7 @@ def verdict(
     sigma0: GlobalTest | None = None,
     beyond: Sequence[str] = (),
 ) -> str:
-    """What is known of the accuracy.
+    """What is known of the accuracy, a line for each statement.
 
     Parameters
     ----------
@@ -97,11 +97,11 @@ def verdict(
     beyond : sequence of str
         Check points that no standard deviation explains.
     """
-    far = f"Farther off than standard deviations and sigma0 explain: {shown(beyond)}." if beyond else ""
+    far = f"Check points farther off than standard deviations and sigma0 explain: {shown(beyond)}." if beyond else ""
     fit = [_control(figures, control_is_exact), _left_out(figures)]
     outside = [text for points in RATIOS for text in outside_expected(figures, points)]
     parts = [_check(figures, enough), far, *fit, _truth(figures), *outside, _sigma0(sigma0)]
-    return " ".join(part for part in parts if part)
+    return "\n".join(part for part in parts if part)
 
 
 def _check(figures: Mapping[str, float], enough: int) -> str:

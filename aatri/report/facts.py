@@ -23,6 +23,10 @@ from aatri.report.view.numbers import counted, in_trade_unit, number, spoken
 from aatri.units import METRES_OF_MODEL, UNITS_OF_MODEL, listed, rms_alike, together
 
 MOST_CAMERAS, MOST_TYPES = 3, 8
+OF_CAMERAS = ("camera", "additional")
+"""Groups of parameters that are those of a camera model, or of a set beside it."""
+TIES = {"control": "control", "position": "positions"}
+"""Observations that tie a block to the ground, by kind."""
 COORDINATES = ("dX", "dY", "dZ")
 """Types of geodetic observations that are those of one: a baseline."""
 
@@ -81,15 +85,25 @@ def was_done(solution: Solution | None, block: Block | None, use: str, options: 
     by = f"by {listed(kinds, '')}" if kinds else ""
     sentences = [f"{spoken(use.partition('/')[0])} of {listed(parts, '')}{by}".rstrip()]
     if options.get("datum") in ("free", "minimal"):
-        sentences.append(f"the datum is {options['datum']}: nothing ties the block to the ground")
+        ties, datum = [name for kind, name in TIES.items() if len(residuals.used(kind))], options["datum"]
+        left = f"what {' and '.join(ties)} leave{'s' * (ties == ['control'])} open of the datum is {datum}"
+        sentences.append(left if ties else f"the datum is {datum}: nothing ties the block to the ground")
     if "self_calibration" in options and figures["images"]:
-        chosen = options["self_calibration"] or {}
-        sentences.append(f"cameras are estimated ({chosen.get('set')})" if chosen else "cameras are as the block says")
+        sentences.append(_cameras(solution))
     if method := (options.get("blunders") or {}).get("method"):
         sentences.append(f"the search for gross errors was set to {method}")
-    if checked := 0 if block is None else int((block.ground_points.role == CHECK).any(axis=1).sum()):
+    ground = None if block is None else block.ground_points
+    if checked := 0 if ground is None else int((ground.given_as(CHECK) & ~ground.given_as(CONTROL)).sum()):
         sentences.append(f"{counted(checked, 'check')} took no part")
     return " ".join(f"{text[0].upper()}{text[1:]}." for text in sentences)
+
+
+def _cameras(solution: Solution) -> str:
+    p, sets = solution.parameters, solution.calibrated_sets
+    if not (np.isin(p.group, OF_CAMERAS) & (p.sigma != 0)).any():  # removed ones have 0
+        return "cameras are as the block says"
+    names = [] if sets is None else np.unique(sets.set).tolist()
+    return f"cameras are estimated{f' ({shown(names)})' if names else ''}"
 
 
 def without_comparison(block: Block | None, figures: Mapping[str, float | int | None]) -> str:

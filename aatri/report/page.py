@@ -198,7 +198,7 @@ def first_page(run: RunView, around: Surroundings) -> dict[str, Any]:
     return {
         "judgement": judgement(run),
         "accuracy_statement": accuracy_statement(numbers_of(evaluations[-1].metrics)) if evaluations else "",
-        "verdict": evaluation.verdict if evaluation else "The accuracy was not evaluated.",
+        "verdict": " ".join(evaluation.verdict.splitlines()) if evaluation else "The accuracy was not evaluated.",
         "done": _was_done(run, around),
         "facts": facts(around.block, around.solution),
         "blocks": _of_which_block(run),
@@ -213,10 +213,9 @@ def first_page(run: RunView, around: Surroundings) -> dict[str, Any]:
 
 
 def _was_done(run: RunView, around: Surroundings) -> str:
-    """What the last adjustment was made of and how."""
-    if not (stages := run.of_kind(Solution)):
-        return ""
-    return was_done(around.solution, around.block, stages[-1].use, (stages[-1].record or {}).get("options", {}))
+    """What the last adjustment was made of and how; nothing where its Solution cannot be read, as the problems say."""
+    last = next((stage for stage in run.of_kind(Solution)[-1:] if stage.name in run.readable(Solution)), None)
+    return was_done(around.solution, around.block, last.use, (last.record or {}).get("options", {})) if last else ""
 
 
 def _estimated(run: RunView) -> dict[str, Any]:

@@ -45,6 +45,6 @@ def evaluation(
     compared = in_frame_of_check(block, solution)
     models = single_models(block, solution, poses, xyz_m, partial(points_out_of, frame), compared=compared)
     result = with_models(result, models, compared=compared)
-    context.log(result.verdict)
+    context.log(" ".join(result.verdict.splitlines()))
     tell(check_notes(result, block, solution), context)
     return result

@@ -221,7 +221,7 @@ def test_a_check_point_beyond_every_bound_is_named_with_axis_and_size() -> None:
     shift = np.zeros((20, 3))
     shift[4, 2] = 0.9  # p10, a check point
     result = evaluate(block, made_solution(block, shift_m=shift, sigma_m=0.02))
-    assert "Farther off than standard deviations and sigma0 explain: p10 (900 mm in Z" in result.verdict
+    assert "Check points farther off than standard deviations and sigma0 explain: p10 (900 mm in Z" in result.verdict
     assert "Beyond" not in evaluate(block, made_solution(block, sigma_m=0.02)).verdict
 
 
@@ -230,7 +230,7 @@ def test_a_large_sigma0_widens_the_bound_of_check_points() -> None:
     shift = np.zeros((20, 3))
     shift[4, 2] = 0.9
     solution = dataclasses.replace(made_solution(block, shift_m=shift, sigma_m=0.02), sigma0=20.0, redundancy=100)
-    assert "Farther off" not in evaluate(block, solution).verdict
+    assert "farther off" not in evaluate(block, solution).verdict
 
 
 def test_check_errors_are_divided_by_what_theory_expects_of_them() -> None:

@@ -1,7 +1,5 @@
 """Accuracy: the verdict, every control and check point, single models, free strips, and pictures of the differences."""
 
-import re
-
 import numpy as np
 
 from aatri.arrays import Float
@@ -28,7 +26,7 @@ from aatri.units import digits
 
 def show(made: PageSection, evaluation: Evaluation, around: Surroundings) -> None:
     """Add verdict, points and pictures."""
-    made.notes.extend(re.split(r"(?<=\.) (?=[A-Za-z])", evaluation.verdict))  # a line for each sentence
+    made.notes.extend(evaluation.verdict.splitlines())
     made.tables.extend(point_tables(evaluation))
     made.tables.extend(present(models_table(evaluation.models), set_ups_table(evaluation.set_ups)))
     made.tables.extend(present(strips_table(evaluation.strip_errors)))
