@@ -12,11 +12,6 @@ PREDICTED_REDUNDANCY = 1e-6
 FEWEST_OF_UNIT = 3
 """Observations of a unit: fewer are single ones."""
 
-# --- calibration
-
-SAME_NOMINAL_MM = 1e-6
-"""Nominal values and formats of two blocks are the same within this, mm."""
-
 # --- feature tracks
 
 SMALLEST_PX = 4.0

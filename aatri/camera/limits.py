@@ -13,6 +13,11 @@ NOT_DETERMINABLE = 0.999
 IS_OF_KIND = 0.99
 """A parameter is of a kind if so much of its column's square lies in what the kind spans."""
 
+# --- calibrations of two blocks
+
+SAME_NOMINAL_MM = 1e-6
+"""Nominal values and formats of the cameras of two blocks are the same within this, mm."""
+
 # --- vertical planes
 
 FLATTEST_RAD = np.deg2rad(80.0)

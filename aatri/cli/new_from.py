@@ -27,9 +27,8 @@ from aatri.cli.new_from_text import (
 from aatri.cli.terminal.console import NARRATED, narrate
 from aatri.codes import CHECK, CONTROL, OBSERVED_VALUE
 from aatri.errors import InputError, SpecError
-from aatri.formats.limits import MIN_CONTROL
+from aatri.geometry.limits import MIN_CONTROL, MIN_POINTS
 from aatri.ids import amounts, did_you_mean, several
-from aatri.orientation.resection.limits import MIN_POINTS
 
 if TYPE_CHECKING:
     from aatri.artifacts.block import Block

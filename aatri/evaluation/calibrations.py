@@ -12,10 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aatri.adapters.limits import SAME_NOMINAL_MM
 from aatri.arrays import Bool, Float
 from aatri.artifacts.evaluation import Differences, Evaluation, Figures, ParameterChanges
 from aatri.artifacts.solution import CalibratedSets, Solution
+from aatri.camera.limits import SAME_NOMINAL_MM
 from aatri.errors import InputError
 from aatri.evaluation.congruence import Congruence, congruence, explain_as_well
 from aatri.ids import printable

@@ -19,13 +19,10 @@ from aatri.arrays import Float
 from aatri.artifacts.block import Block
 from aatri.artifacts.evaluation import Evaluation
 from aatri.artifacts.solution import Solution
-from aatri.evaluation.limits import FEWEST_FOR_DOMING
+from aatri.evaluation.limits import FEWEST_FOR_DOMING, ROUNDED_BEND_M
 from aatri.ids import rows_of
 from aatri.notes import FAR_OFF, Note
 from aatri.units import about
-
-NOTHING_M = 1e-6
-"""Smaller bends are rounding."""
 
 
 def check_notes(evaluation: Evaluation, block: Block, solution: Solution) -> list[Note]:
@@ -47,7 +44,7 @@ def check_notes(evaluation: Evaluation, block: Block, solution: Solution) -> lis
     by_chance = 0.0 if bent is None else bent[1] * float(stdtrit(determined.sum() - 2, 1 - ALARM / 2))
     sigma_m = d.sigma_m[is_reference, 2]
     allowed = float(np.nan_to_num(sigma_m).max(initial=0.0)) * float(ndtri(1 - ALARM / 2))
-    if bent is not None and abs(bent[0]) > max(by_chance, allowed, NOTHING_M):
+    if bent is not None and abs(bent[0]) > max(by_chance, allowed, ROUNDED_BEND_M):
         notes.append(
             Note(
                 "warning" if np.isfinite(sigma_m).any() else "note",

@@ -3,7 +3,10 @@
 # --- doming
 
 FEWEST_FOR_DOMING = 6
-"""Points that determine the bend, with its plane."""
+"""Points that determine the bend of heights, with its plane."""
+
+ROUNDED_BEND_M = 1e-6
+"""Smaller bends are rounding."""
 
 # --- epochs
 

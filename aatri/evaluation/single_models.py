@@ -259,9 +259,10 @@ def with_models(evaluation: Evaluation, models: SingleModels | None, *, compared
     digits = ".2g" if parallax < 10 else ".0f"
     count = f"{len(models)} single model{'' if len(models) == 1 else 's'}"
     why = "\nModels are not compared with check points: the datum is free, and they are in another frame."
+    text = f"y-parallaxes of {parallax:{digits}} um RMS in {count}.{'' if compared else why}"
     return replace(
         evaluation,
-        verdict=f"{evaluation.verdict}\ny-parallaxes of {parallax:{digits}} um RMS in {count}.{'' if compared else why}",
+        verdict=f"{evaluation.verdict}\n{text}",
         figures=Figures(
             name=np.concatenate([evaluation.figures.name, list(figures)]),
             value=np.concatenate([evaluation.figures.value, list(figures.values())]),

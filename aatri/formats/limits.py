@@ -65,9 +65,6 @@ LEAST_CHANGE_PX = 1e-6
 
 # --- ground
 
-MIN_CONTROL = 3
-"""Points that could be the datum of a block without positions."""
-
 SAME_PLACE_SIGMAS = 3.0
 """Two control points nearer than this many sigmas are pointed out."""
 

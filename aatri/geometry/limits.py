@@ -1,5 +1,13 @@
 """Thresholds of geometry, each once, with its source."""
 
+# --- determined by points
+
+MIN_POINTS = 3
+"""Known points that determine the orientation of an image."""
+
+MIN_CONTROL = 3
+"""Control points, or observed positions, that could be the datum of a block: those of a similarity."""
+
 # --- known rotations
 
 UNKNOWN_PLACE = 0.1

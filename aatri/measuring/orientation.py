@@ -32,8 +32,8 @@ MARGIN = 1.2
 """Points are looked for in an image up to this multiple of its format."""
 CHUNK, LOOSE = 100_000, 1e10
 """Rays that are taken at once; condition from which points do not hold an image."""
-EXACT_M = 1e-5
-"""Standard deviation of coordinates that are held."""
+SIGMA_OF_EXACT_M = 1e-5
+"""Standard deviation that exact control gets in the adjustment of an image while it is measured."""
 
 
 @dataclass(frozen=True)
@@ -253,7 +253,7 @@ def _joined(clicked: GroundEstimate | None, control: GroundEstimate | None) -> G
     controlled = np.isfinite(control.xyz_m)
     P, value = np.zeros((3, 3)), np.where(controlled, control.xyz_m, 0.0)
     block = np.ix_(controlled, controlled)
-    P[block] = np.linalg.inv(control.covariance_m2[block] + EXACT_M**2 * np.eye(int(controlled.sum())))
+    P[block] = np.linalg.inv(control.covariance_m2[block] + SIGMA_OF_EXACT_M**2 * np.eye(int(controlled.sum())))
     N, right = P, P @ value
     if clicked is not None:
         own = np.linalg.inv(clicked.covariance_m2)

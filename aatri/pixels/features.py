@@ -9,13 +9,11 @@ principal point. Of the orientations of a place the strongest stays, so that no 
 Of each cell the features are taken in turn from large, middle and small scales, those of most contrast first: large
 ones find pairs, small ones measure.
 
-Source: Lowe 2004, IJCV 60, 91; OpenCV issue 23123 (the shift); Arandjelovic & Zisserman 2012 (root of the histograms).
+`features_by_colmap` takes those of COLMAP (pycolmap) on the processor, its own way from grey values to descriptors, as
+a second opinion: of the orientations of a place one stays, and the largest features are kept.
 
-Features by COLMAP (pycolmap) on the processor: its own way from grey values to descriptors, as a second opinion.
-
-Of the orientations of a place one stays; the largest features are kept. Its descriptors are roots of histograms.
-
-Source: Lowe 2004, IJCV 60, 91; Vedaldi & Fulkerson 2010 (VLFeat, which COLMAP uses).
+Source: Lowe 2004, IJCV 60, 91; OpenCV issue 23123 (the shift); Arandjelovic & Zisserman 2012 (root of the histograms);
+Vedaldi & Fulkerson 2010 (VLFeat, which COLMAP uses).
 """
 
 import numpy as np
@@ -27,12 +25,12 @@ from aatri.pixels.matching import matched
 from aatri.pixels.reading import Grey, grey_and_mask
 
 CONTRAST, EDGE, SIGMA, OCTAVE_LAYERS = 0.02, 10.0, 1.6, 3
-"""Of Lowe, with half his threshold of contrast: the spreading chooses."""
+"""Settings of OpenCV's features as Lowe has them, with half his threshold of contrast: the spreading chooses."""
 SCALE_CLASSES = (4.0, 8.0)
 """Diameters in px that part small, middle and large features."""
 
-ERRORS = 2
-"""Level of COLMAP's own messages that are printed."""
+COLMAP_ERRORS = 2
+"""Least severity of COLMAP's own messages that are printed (0 information, 1 warnings, 2 errors)."""
 
 
 def features_of(path: str, mask: str, content: str, most: int, cells: int) -> Features:
@@ -123,7 +121,7 @@ def features_by_colmap(path: str, mask: str, content: str, most: int) -> Feature
     """Features of a file, as `features.features_of`."""
     grey, seen = grey_and_mask(path, mask, content)
     pycolmap = of_extra("pycolmap", "colmap")
-    pycolmap.logging.minloglevel = ERRORS
+    pycolmap.logging.minloglevel = COLMAP_ERRORS
     options = pycolmap.FeatureExtractionOptions()
     options.use_gpu, options.num_threads = False, 1
     options.sift.max_num_features, options.sift.max_num_orientations = most, 1

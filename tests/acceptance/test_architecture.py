@@ -212,7 +212,7 @@ def test_chances_and_limits_of_tests_stand_in_limits_alone() -> None:
 
 _THRESHOLD = re.compile(
     r"^\(?(FEWEST|LEAST|WEAK|WEAKEST|CLEARLY|ALIKE|FLAT|WRONG|MISFIT|GROSS|OFF|BEYOND|SUSPICIOUS|UNDETERMINED|WARNED|HARDLY"
-    r"|APART|STRONG)(_|\b)"
+    r"|APART|STRONG|NOTHING)(_|\b)"
 )
 _OF_ARITHMETIC = {
     "aatri/adapters/ground/initial_solution.py: LEAST_SIGMA": "stands for exact",
@@ -223,6 +223,7 @@ _OF_ARITHMETIC = {
     "aatri/orientation/relative/critical.py: CLEARLY": "bounds of work",
     "aatri/pipeline/run/workers.py: LEAST_BYTES": "memory",
     "aatri/pixels/least_squares_matching.py: ALIKE_PX": "reach of a filter",
+    "aatri/report/drawing/charts.py: NOTHING": "drawing",
     "aatri/report/drawing/scales.py: LEAST_FOR_MAIN_PART": "drawing",
     "aatri/report/plotting.py: (LEAST_HEIGHT, MOST_HEIGHT)": "drawing",
 }

@@ -22,11 +22,11 @@ from aatri.adapters.cameras.unknowns import (
     parts_of_set,
     units_of,
 )
-from aatri.adapters.limits import SAME_NOMINAL_MM
 from aatri.arrays import Float, Int, Text
 from aatri.artifacts.block import Block
 from aatri.artifacts.image_points import ImagePoints
 from aatri.artifacts.solution import ParameterCovariances, Solution
+from aatri.camera.limits import SAME_NOMINAL_MM
 from aatri.camera.models.calibration import PARAMETERS
 from aatri.camera.parameters.parameter_set import ParameterSet, SetScale, correction
 from aatri.errors import InputError

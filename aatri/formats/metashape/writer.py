@@ -18,7 +18,7 @@ from aatri.formats.metashape.chunk_frame import geocentric_frame
 from aatri.formats.parts.block_parts import LOCAL
 from aatri.formats.parts.format import AS_USUAL, Writing
 from aatri.formats.parts.of_block import frame_of
-from aatri.formats.results.exported_files import EXACT_M, ControlPoint, control_points
+from aatri.formats.results.exported_files import WRITTEN_SIGMA_M, ControlPoint, control_points
 from aatri.formats.results.horizon import MovedBlock, as_it_is, in_other_frame
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.text.written_files import element, numbers, write_files, xml_of
@@ -63,7 +63,7 @@ def write_metashape(
         frames = element("frames", element("frame", _places(oriented, control), id=0))
         files["markers.xml"] = _document(element("cameras", *names), element("markers", *markers), frames, reference)
         if exact := [p.id for p in control if p.exact]:
-            reporter.log(f"exact control gets the accuracy {EXACT_M:g} m: {shown(exact)}")
+            reporter.log(f"exact control gets the accuracy {WRITTEN_SIGMA_M:g} m: {shown(exact)}")
     if partial := [p.id for p in control_points(oriented) if not all(p.known)]:
         reporter.warn(f"plan-only and height-only points have no place in markers, and are left out: {shown(partial)}")
     write_files(folder, files)
@@ -116,7 +116,7 @@ def _camera(oriented: OrientedBlock, moved: MovedBlock, row: int, origin: np.nda
 
 def _reference(xyz: list[float], sigma: list[float], *, enabled: bool) -> ET.Element:
     x, y, z = xyz
-    sx, sy, sz = (s if s > 0 else EXACT_M for s in sigma)
+    sx, sy, sz = (s if s > 0 else WRITTEN_SIGMA_M for s in sigma)
     return element("reference", x=x, y=y, z=z, sx=sx, sy=sy, sz=sz, enabled="true" if enabled else "false")
 
 

@@ -4,7 +4,7 @@
     ground_points.xml     DicoAppuisFlottant: control with three coordinates, Incertitude is its standard deviation
     image_points.xml      SetOfMesureAppuisFlottants: every image point, ties too
 
-The forms are those of `dialects`. Control that is exact has the Incertitude `EXACT_M`, for zero means nothing there.
+The forms are those of `dialects`. Exact control has the Incertitude `WRITTEN_SIGMA_M`: zero means nothing there.
 """
 
 from pathlib import Path
@@ -18,7 +18,7 @@ from aatri.formats.conventions.lens_conversion import as_program_states
 from aatri.formats.conventions.poses import stated_rotation
 from aatri.formats.micmac.dialects import CONVENTION
 from aatri.formats.parts.format import AS_USUAL, Writing
-from aatri.formats.results.exported_files import EXACT_M, full_control
+from aatri.formats.results.exported_files import WRITTEN_SIGMA_M, full_control
 from aatri.formats.results.oriented_block import OrientedBlock
 from aatri.formats.text.written_files import element, numbers, write_files, xml_of
 from aatri.geometry.collinearity import in_image_axes
@@ -65,13 +65,13 @@ def write_micmac(
                 "OneAppuisDAF",
                 numbers("Pt", *p.xyz_m.tolist()),
                 element("NamePt", p.id),
-                numbers("Incertitude", *np.where(p.sigma_m > 0, p.sigma_m, EXACT_M).tolist()),
+                numbers("Incertitude", *np.where(p.sigma_m > 0, p.sigma_m, WRITTEN_SIGMA_M).tolist()),
             )
             for p in control
         ]
         files["ground_points.xml"] = xml_of(element("Global", element("DicoAppuisFlottant", *targets)))
         if exact := [p.id for p in control if p.exact]:
-            reporter.log(f"exact control gets the Incertitude {EXACT_M:g} m: {shown(exact)}")
+            reporter.log(f"exact control gets the Incertitude {WRITTEN_SIGMA_M:g} m: {shown(exact)}")
     if len(oriented.rays.image):
         files["image_points.xml"] = xml_of(element("SetOfMesureAppuisFlottants", *_marks(oriented, first)))
     write_files(folder, files)

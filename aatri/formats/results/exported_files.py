@@ -18,7 +18,7 @@ from aatri.formats.text.written_files import write_files
 from aatri.ids import shown
 from aatri.progress import Reporter
 
-EXACT_M = 1e-4
+WRITTEN_SIGMA_M = 1e-4
 """Standard deviation of what is exact, for programs that have no zero: Metashape, MicMac."""
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from aatri.arrays import Float, Int
 from aatri.artifacts.block import APPROXIMATE, CHECK, CONTROL, NO_ROLE
 from aatri.errors import GeometryError
-from aatri.formats.limits import MIN_CONTROL, SAME_PLACE_SIGMAS
+from aatri.formats.limits import SAME_PLACE_SIGMAS
 from aatri.formats.tables.columns import COORDINATES, GROUND_POINTS, SIGMAS
 from aatri.formats.tables.covariances import check_places, ground_point_covariances, with_own_covariances
 from aatri.formats.tables.positions import (
@@ -30,6 +30,7 @@ from aatri.formats.tables.positions import (
 from aatri.formats.tables.relative_control import Condition
 from aatri.formats.tables.source import FILES, Source, no_repeats, not_negative
 from aatri.formats.text.csv_table import CsvTable
+from aatri.geometry.limits import MIN_CONTROL
 from aatri.geometry.portable_frame import BodyDistances, body_distances
 from aatri.ids import clipped, did_you_mean
 

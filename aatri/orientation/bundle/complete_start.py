@@ -13,11 +13,12 @@ from aatri.arrays import Float, Int, finite_rows, ranges
 from aatri.geometry.collinearity import in_image_axes, project
 from aatri.geometry.intersection import intersect_rays
 from aatri.geometry.known_rotations import DirectedRays, ObservedPlaces, places_by_rays
+from aatri.geometry.limits import MIN_POINTS
 from aatri.geometry.vectors import unit
 from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.poses import Poses
 from aatri.orientation.resection.adjustment import resect_images
-from aatri.orientation.resection.limits import FEWEST_LINEAR, LEAST_FITTING, MIN_POINTS, WIDE_RAD
+from aatri.orientation.resection.limits import FEWEST_LINEAR, LEAST_FITTING, WIDE_RAD
 from aatri.orientation.resection.start import linear_orientation, start_orientation
 
 MOST_PARTNERS = 8

@@ -13,8 +13,8 @@ import numpy as np
 
 from aatri.adjustment.threads import in_threads, items_between
 from aatri.arrays import Bool, Float, Int, finite_rows
+from aatri.geometry.limits import MIN_POINTS
 from aatri.orientation.resection.kernels.resection import resect
-from aatri.orientation.resection.limits import MIN_POINTS
 
 HUBER = 3.0
 DECREMENT = 1e-6

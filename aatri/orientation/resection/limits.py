@@ -1,10 +1,5 @@
 """Thresholds of the orientation of a single image by known points, each once, with its source."""
 
-# --- adjustment
-
-MIN_POINTS = 3
-"""Points that determine an image."""
-
 # --- start
 
 FEWEST_LINEAR = 6

@@ -16,11 +16,14 @@ from aatri.report.drawing.picture import ChartAxis, Marks, Picture
 NOTHING = 1e-12
 """What is drawn of a sigma0 of nothing."""
 
-MOST = 60
-"""Parameters of a matrix."""
+MOST_IN_MATRIX = 60
+"""Parameters of a matrix of correlations, the first ones."""
 
 FILM = "film"
-LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9, 1.01)
+"""Group of the parameters of single film images: no matrix has them."""
+
+CORRELATION_LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9, 1.01)
+"""Correlations from which on an area of a matrix gets its next darker colour, and the end."""
 
 
 def sigma0_chart(sigma0: dict[str, float]) -> Picture | None:
@@ -225,18 +228,18 @@ def correlation_pictures(solution: Solution) -> list[Picture]:
     if len(rows) < 2:
         return []
     place = np.full(len(p), -1)
-    place[rows[:MOST]] = np.arange(len(rows[:MOST]))
-    n = len(rows[:MOST])
+    place[rows[:MOST_IN_MATRIX]] = np.arange(len(rows[:MOST_IN_MATRIX]))
+    n = len(rows[:MOST_IN_MATRIX])
     matrix = np.full((n, n), np.nan)
     inside = (place[c.first] >= 0) & (place[c.second] >= 0)
     i, j = c.first[inside], c.second[inside]
     matrix[place[i], place[j]] = matrix[place[j], place[i]] = c.covariance[inside] / (p.sigma[i] * p.sigma[j])
     several = len(np.unique(p.object[rows])) > 1
-    names = [f"{p.object[k]} {p.name[k]}" if several else str(p.name[k]) for k in rows[:MOST]]
+    names = [f"{p.object[k]} {p.name[k]}" if several else str(p.name[k]) for k in rows[:MOST_IN_MATRIX]]
     marks = []
     unit = np.array([[0.5, 0.5], [1.5, 0.5], [1.5, 1.5], [0.5, 1.5]])
     for sign, colour, word in ((1, "red", "positive"), (-1, "blue", "negative")):
-        for low, high in pairwise(LEVELS):
+        for low, high in pairwise(CORRELATION_LEVELS):
             a, b = np.nonzero((sign * matrix >= low) & (sign * matrix < high) & ~np.eye(n, dtype=bool))
             areas = np.stack([b, n - 1 - a], axis=1)[:, None] + unit
             ids = [f"{names[r]} with {names[s]}" for r, s in zip(a, b)]
@@ -253,7 +256,7 @@ def correlation_pictures(solution: Solution) -> list[Picture]:
         f"Correlations of the {n} parameters: the strongest is {matrix[at, other]:.3f}, {names[at]} with "
         f"{names[other]}. Two parameters near 1 or -1 are known together better than each of them."
     )
-    caption += f" The first {MOST} of {len(rows)}." if len(rows) > MOST else ""
+    caption += f" The first {MOST_IN_MATRIX} of {len(rows)}." if len(rows) > MOST_IN_MATRIX else ""
     size = 130.0 + 17.0 * n
     title = "Correlations of parameters"
     return [Picture("correlations", title, caption, marks, across, up, width=max(size, 320.0), height=size)]

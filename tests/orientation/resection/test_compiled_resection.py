@@ -8,10 +8,10 @@ import pytest
 import aatri.adjustment.threads as threads
 import aatri.orientation.resection.adjustment as adjustment
 from aatri.geometry.collinearity import in_image_axes, project
+from aatri.geometry.limits import MIN_POINTS
 from aatri.geometry.rotations import rotation_from_angles
 from aatri.orientation.resection.adjustment import DECREMENT, HUBER, resect_images
 from aatri.orientation.resection.kernels.resection import normal_equations
-from aatri.orientation.resection.limits import MIN_POINTS
 from tests.complex_step import complex_step
 from tests.orientation.resection.reference import resect_in_step
 
