@@ -59,8 +59,8 @@ class AdjustmentOptions(KindOptions):
     max_sigma0: float | None = Field(
         None,
         gt=1,
-        description="a sigma0 beyond this is an error; null: 20; in `bundle`, where fitted standard deviations are used, "
-        "1 mrad over the stated one of a direction if that is more, and no error where a named cause explains it",
+        description="a sigma0 beyond this is an error; null: 20; in `bundle`, where fitted standard deviations are "
+        "used, 1 mrad over the stated one of a direction if that is more, and no error where a named cause explains it",
     )
 
 

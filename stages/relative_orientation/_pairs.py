@@ -41,8 +41,8 @@ class PairOptions(Options):
     max_sigma0: float | None = Field(
         None,
         gt=0,
-        description="a pair whose sigma0 is larger makes no model; null: 20, or 1 mrad over the stated standard deviation "
-        "of a direction where that is more",
+        description="a pair whose sigma0 is larger makes no model; null: 20, or 1 mrad over the stated standard "
+        "deviation of a direction where that is more",
     )
     orientation_points: InputPath | None = Field(
         None, description="file of the names of the points that orient; the others are intersected; null: all orient"
