@@ -18,6 +18,8 @@ distribution of 1 and n - 2.
 """
 
 import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import breadth_first_order
 
 from aatri.arrays import Bool, Float, Int
 from aatri.artifacts.block import Block
@@ -123,18 +125,17 @@ def mirrored_cameras(block: Block, xy_mm: Float, usable: Bool) -> tuple[Int, Int
     together = _comparable(block, camera[image[a]], camera[image[b]])
     a, b = a[together], b[together]
     key, pair = np.unique(image[a] * len(camera) + image[b], return_inverse=True)
-    between = np.zeros((names, names), dtype=np.int64)
     pairs = camera[key // len(camera)], camera[key % len(camera)]
-    np.add.at(between, pairs, _sides_of(place[a], place[b], pair, len(key), len(key)))
+    between = csr_matrix((_sides_of(place[a], place[b], pair, len(key), len(key)), pairs), (names, names))
     between += between.T
+    between.eliminate_zeros()
+    first = int(np.argmax(np.bincount(camera, minlength=names)))
+    order, nearer = breadth_first_order(between, first, directed=False)
     side = np.zeros(names, dtype=np.int64)
-    todo = [int(np.argmax(np.bincount(camera, minlength=names)))]
-    side[todo] = 1
-    while todo:
-        one = todo.pop()
-        beside = np.flatnonzero((between[one] != 0) & (side == 0))
-        side[beside] = side[one] * np.sign(between[one, beside])
-        todo += beside.tolist()
+    side[first] = 1
+    votes = np.asarray(between[order[1:], nearer[order[1:]]]).ravel() if len(order) > 1 else order[1:]
+    for one, vote in zip(order[1:].tolist(), np.sign(votes).tolist()):
+        side[one] = vote * side[nearer[one]]
     if not (side < 0).any():
         return none, none
     vote = side @ np.bincount(camera, _by_control(block, xy_mm, usable), names)

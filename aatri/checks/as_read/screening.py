@@ -46,7 +46,7 @@ from aatri.checks.as_read.unusable_sights import without_unusable_sights
 from aatri.checks.as_read.values import wrong_values
 from aatri.checks.finding import Finding, report
 from aatri.checks.limits import FEWEST_IMAGE_POINTS, FORMAT_MARGIN, MAX_REJECT_SHARE
-from aatri.ids import amounts
+from aatri.ids import amounts, shown
 from aatri.progress import SILENT, Reporter
 
 REJECT_SHARE = "largest share of image points outside the format, or impossible positions, to set aside; else an error"
@@ -122,7 +122,7 @@ def screened(
         pass
     problems = [*measured_twice(block), *of_positions, *of_ids, *_too_many(block, images, points, max_reject_share)]
     if len(either):
-        problems.append(_error(EITHER_CAMERA.format(" and ".join(block.cameras.id[either])), EITHER_REMEDY, ""))
+        problems.append(_error(EITHER_CAMERA.format(shown(block.cameras.id[either])), EITHER_REMEDY, ""))
     if any(problem.level == "error" for problem in problems):  # what was set aside before may be why so little is left
         report([*told_rejects(block.rejects), *(p for p in problems if p.level == "error")], reporter)
     report(control_off_the_block(block), reporter)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from aatri.checks.as_read.mirrored_images import mirrored_cameras
 from aatri.errors import InputError
 from tests.reading import read_block
 from tests.small_blocks import C_MM, Small, flown, measure
@@ -138,8 +143,33 @@ def test_a_camera_that_is_mirrored_is_named_and_its_images_are_set_aside(tmp_pat
 
 def test_where_control_does_not_tell_which_camera_is_mirrored_both_are_named(tmp_path: Path) -> None:
     small, _ = with_two_cameras([-1.0, 1.0], 3)
-    with pytest.raises(InputError, match="cameras a and b see the same points from opposite sides"):
+    with pytest.raises(InputError, match="cameras a, b see the same points from opposite sides"):
         read_block(small.write(tmp_path / "b"))
+
+
+@pytest.mark.slow
+def test_a_camera_for_every_image_takes_memory_by_the_overlaps_and_not_by_the_square(tmp_path: Path) -> None:
+    """20,000 images in a row, each with a camera of its own and five points in common with the next."""
+    small, _ = with_two_cameras([1.0, 1.0], 3)
+    block, n = read_block(small.write(tmp_path / "b")), 20_000
+    row, place_mm = np.arange(n, dtype=np.int32), np.random.default_rng(1).uniform(-70.0, 70.0, (5 * (n + 1), 2))
+    image, point = np.repeat(row, 10), (5 * row[:, None] + np.arange(10)).ravel()
+    xy_mm = place_mm[point] * np.where((image % 3 == 1)[:, None], [-1.0, 1.0], 1.0)
+    of_none = np.zeros(n, dtype=int)
+    large: Any = SimpleNamespace(
+        cameras=block.cameras.take(of_none),
+        images=replace(block.images.take(of_none), camera=row),
+        points=range(len(place_mm)),
+        image_points=replace(block.image_points.take(of_none[image]), image=image, point=point.astype(np.int32)),
+        ground_points=block.ground_points.take(of_none[:0]),
+    )
+    tracemalloc.start()
+    right, either = mirrored_cameras(large, xy_mm, np.ones(len(image), dtype=bool))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 150e6, f"{peak / 1e6:.0f} MB"
+    assert not len(right)
+    np.testing.assert_array_equal(either, row)
 
 
 def test_two_right_cameras_are_not_mirrored(tmp_path: Path) -> None:
