@@ -50,7 +50,7 @@ def _too_many(block: Block, marks: FilmMarks, fit: FiducialFit, reasons: tuple[s
         f"{fewest + 1} to check them, well spread; or take a variant of interior_orientation with fewer parameters"
     )
     simple = [finding.sentence for finding in _too_simple(marks)] if fit.model == "similarity" else []
-    simple = simple or [finding.sentence for finding in _wrong_calibration(block, marks, fit, fit.determined)]
+    simple = simple or [finding.sentence for finding in _wrong_calibration(block, marks, fit, fit.determined).values()]
     return Finding("film", "error", text, simple[0] if simple else remedy, error=GeometryError)
 
 
@@ -70,9 +70,12 @@ def _findings(
         count = ("no", "one", "two", "three", "four")[fewest_marks(fit.model)]
         text = f"only {count} fiducial marks, no check of their measurement"
         yield _finding("warning", text, tuple(ids[exact].tolist()))
-    high, calibration = misfits(fit, usable), list(_wrong_calibration(block, marks, fit, usable))
-    yield from calibration
-    if high.any() and not calibration:
+    # film that shrinks alike in all images does not fit a similarity alike in all: neither marks nor camera are wrong
+    simple = list(_too_simple(marks)) if fit.model == "similarity" else []
+    calibration = {} if simple else _wrong_calibration(block, marks, fit, usable)
+    yield from (*simple, *calibration.values())
+    high = misfits(fit, usable) & (not simple) & ~np.isin(block.images.camera[marks.image], list(calibration))
+    if high.any():
         named = tuple(f"{i} ({s:.1f})" for i, s in zip(ids[high], fit.sigma0[high]))
         yield _finding("warning", "sigma0 of single images is too large, a mark may be wrong", named)
     rejected = usable[:, None] & marks.present & ~fit.used
@@ -80,8 +83,6 @@ def _findings(
         names = block.fiducials.id[block.fiducial_points.fiducial[marks.row[rejected]]]
         named = tuple(f"{i}/{m}" for i, m in zip(ids[np.nonzero(rejected)[0]], names))
         yield _finding("warning", f"{several(len(named), 'fiducial mark', 'is', 'are')} rejected", named)
-    if fit.model == "similarity" and (high.any() or rejected.any()):
-        yield from _too_simple(marks)
     linear = fit.photo_from_nominal
     if usable.any():
         yield _deformation(linear[usable])
@@ -104,9 +105,9 @@ def _too_simple(marks: FilmMarks) -> Iterator[Finding]:
         yield _finding("warning", text)
 
 
-def _wrong_calibration(block: Block, marks: FilmMarks, fit: FiducialFit, usable: Bool) -> Iterator[Finding]:
+def _wrong_calibration(block: Block, marks: FilmMarks, fit: FiducialFit, usable: Bool) -> dict[int, Finding]:
     """Cameras whose marks have the same residuals in all images: these are not errors of measuring."""
-    camera = block.images.camera[marks.image]
+    camera, findings = block.images.camera[marks.image], dict[int, Finding]()
     for one in np.unique(camera[usable & (fit.redundancy > 0)]):
         rows = np.flatnonzero(usable & (fit.redundancy > 0) & (camera == one))
         used = fit.used[rows]
@@ -130,7 +131,8 @@ def _wrong_calibration(block: Block, marks: FilmMarks, fit: FiducialFit, usable:
                 f"(sigma0 {of_all.sigma0:.1f}, without what is common {without:.1f}); compare `fiducials` with the "
                 "certificate"
             )
-            yield _finding("warning", text)
+            findings[int(one)] = _finding("warning", text)
+    return findings
 
 
 def _deformation(linear: Float) -> Finding:

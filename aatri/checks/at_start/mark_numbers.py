@@ -26,13 +26,12 @@ def mark_numbers(block: Block, marks: FilmMarks) -> list[Finding]:
     measured = (marks.measured, marks.calibrated_mm, marks.sigma_mm, marks.present)
     upright, mirrored = (fit_fiducials("similarity", *measured, size * way) for way in (np.ones(2), MIRROR))
     wrong = [_wrong(block, marks, upright, mirrored, k) for k in range(len(marks.image))]
-    by_remedy: dict[str, list[int]] = {}
+    alike: dict[tuple[str, str], list[int]] = {}
     for k, one in enumerate(wrong):
         if one is not None:
-            by_remedy.setdefault(one[1], []).append(k)
+            alike.setdefault(one, []).append(k)
     findings = []
-    for remedy, rows in by_remedy.items():
-        what = str((wrong[rows[0]] or ("",))[0])
+    for (what, remedy), rows in alike.items():
         ids = block.images.id[marks.image[rows]].tolist()
         which = f"image {ids[0]}" if len(ids) == 1 else f"{len(ids)} of {len(wrong)} film images, {shown(ids, 3)}"
         where = block.read_at(block.fiducial_points, int(marks.row[rows[0], marks.present[rows[0]]][0]))

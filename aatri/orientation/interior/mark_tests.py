@@ -96,8 +96,8 @@ def scale_problem(matrix_from_nominal: Float) -> str:
         return ""
     for usual, meaning in KNOWN_SCALES.items():
         if abs(scale / usual - 1.0) <= SCALE_TOLERANCE:
-            return f"the scale is {scale:.6g} instead of 1: {meaning}?"
-    return f"the scale is {scale:.6g} instead of 1"
+            return f"the scale is {usual:.3g} instead of 1: {meaning}?"
+    return f"the scale is {scale:.3g} instead of 1"
 
 
 def is_misfit(residual_mm: Float, calibrated_mm: Float) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aatri.artifacts.block import Block
-from aatri.errors import GeometryError, InputError
+from aatri.errors import Errors, GeometryError, InputError
 from aatri.stages.interior_orientation.affine import affine
 from aatri.stages.interior_orientation.calibrated import calibrated
 from aatri.stages.interior_orientation.similarity import similarity
@@ -31,6 +31,7 @@ def test_a_similarity_on_film_that_shears_is_called_too_simple(block: Block) -> 
     told, fits = Told(), Told()
     similarity(sheared(block, 2e-4), context=told)
     assert any("too simple for this film" in t and "interior_orientation/affine" in t for t in told.warnings)
+    assert not any("in the same way in all" in t or "a mark may be wrong" in t for t in told.warnings)
     affine(sheared(block, 2e-4), context=fits)
     assert not any("too simple" in t for t in fits.warnings)
     with pytest.raises(GeometryError) as caught:
@@ -56,6 +57,39 @@ def test_a_wrong_calibrated_mark_is_told_of_the_camera_and_not_of_the_images(off
     clean = Told()
     affine(block, context=clean)
     assert not any(text in t for t in clean.warnings)
+
+
+def test_a_camera_of_wrong_calibration_hides_no_image_of_another() -> None:
+    """All images of camera a by one of its calibrated marks, one image of camera b by a measured mark."""
+    block, told = flown(noise=True), Told()
+    cameras, fiducials = block.cameras.take(np.array([0, 0])), block.fiducials.take(np.tile(np.arange(4), 2))
+    camera, of_b = (np.arange(10) >= 5).astype(np.int32), block.fiducial_points.image >= 5
+    xy_mm = fiducials.xy_mm + np.array([[0.05, 0.0], *[[0.0, 0.0]] * 7])
+    two = replace(
+        block,
+        cameras=replace(cameras, id=np.array(["a", "b"])),
+        images=replace(block.images, camera=camera),
+        fiducials=replace(fiducials, camera=np.repeat(np.arange(2, dtype=np.int32), 4), xy_mm=xy_mm),
+        fiducial_points=replace(
+            block.fiducial_points, fiducial=(block.fiducial_points.fiducial + 4 * of_b).astype(np.int32)
+        ),
+    )
+    off_mm = np.array([[0.1, 0.0], *[[0.0, 0.0]] * 3])
+    affine(with_marks(two, 7, lambda xy: xy + off_mm), context=told)
+    assert sum("in the same way in all" in t for t in told.warnings) == 1
+    [high] = [t for t in told.warnings if "a mark may be wrong" in t]
+    assert block.images.id[7] in high
+    assert not any(name in high for name in block.images.id[:5])
+
+
+def test_marks_of_different_scales_are_different_errors(block: Block) -> None:
+    """Image 0 in inches, the others too large by a tenth: the reader of the error of all is not sent to inches."""
+    for image in range(len(block.images)):
+        block = with_marks(block, image, lambda xy, by=25.4 if image == 0 else 1.1: xy / by)
+    with pytest.raises(Errors) as raised:
+        affine(block)
+    for text in (f"image {block.images.id[0]}: the scale is 25.4", "9 of 10 film images", "the scale is 1.1 instead"):
+        assert text in str(raised.value)
 
 
 def test_what_is_wrong_with_the_marks_of_all_images_is_one_error(block: Block) -> None:
