@@ -17,7 +17,7 @@ from aatri.orientation.bundle.terrain_test import off_terrain
 
 def points_off_the_terrain(inputs: BundleInput, result: BundleResult) -> list[Finding]:
     """A warning of the points that lie off the terrain around them."""
-    if inputs.rays is None or not result.image_adjusted.any():
+    if inputs.rays is None or not (result.image_adjusted.any() and result.point_adjusted.any()):
         return []
     rays = np.bincount(inputs.rays.point[result.ray_used], minlength=len(inputs.point_ids))
     for rows in result.observations:  # what is tied to other points is no matter of the terrain: of spheres, facades

@@ -160,10 +160,10 @@ def exchanged_by_all(
         return cost(ordered, without_rays(a, b), iterations)
 
     of_positions = cost(body, use & (kind == POSITION) & ~exact, ITERATIONS, searched=False)
-    if np.isfinite(of_positions) and of_positions >= EXCHANGE_LEAVES * cost(
-        body, use, ITERATIONS
-    ):  # whichever is exchanged
-        return none
+    if np.isfinite(of_positions):
+        of_all = cost(body, use, ITERATIONS)
+        if of_positions >= EXCHANGE_LEAVES * of_all:  # whichever is exchanged
+            return none
     pairs = list(combinations(control.tolist(), 2))
     costs = [exchanged(a, b, FEW_ITERATIONS) for a, b in pairs]
     k = int(np.argmin(costs))

@@ -78,9 +78,8 @@ def _ratios(graph: PairGraph) -> tuple[Int, Int, Float, Float]:
     order = np.lexsort((of, point, image))
     image, point, depth, of = image[order], point[order], depth[order], of[order]
     links = []
-    for step in range(
-        1, 2 * PAIRS_PER_IMAGE
-    ):  # a point seen from an image in several pairs: each with the following ones
+    # a point seen from an image in several pairs: each with the following ones
+    for step in range(1, 2 * PAIRS_PER_IMAGE):
         same = (image[step:] == image[:-step]) & (point[step:] == point[:-step])
         rows = np.flatnonzero(same)
         if not len(rows):

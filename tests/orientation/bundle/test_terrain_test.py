@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from aatri.checks.after.terrain import points_off_the_terrain
+from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.terrain_test import off_terrain
+from tests.orientation.bundle.made_bundle import made_bundle
+from tests.orientation.bundle.parts import settings
 
 GROUND = ("hills", "rough", "houses")
 
@@ -89,3 +95,11 @@ def test_what_images_see_from_the_side_is_held_against_no_terrain() -> None:
     sigma_m = np.full(len(xyz), 0.005)
     assert off_terrain(xyz, sigma_m, rays, 1000.0, downwards=0.7).row.tolist() == [7]
     assert not len(off_terrain(xyz, sigma_m, rays, 1000.0, downwards=0.1).row)
+
+
+@pytest.mark.filterwarnings("error")
+def test_without_adjusted_points_no_terrain_is_tested() -> None:
+    block = made_bundle().together()
+    result = adjust_bundle(block, settings(datum="free"))
+    unadjusted = replace(result, point_adjusted=np.zeros_like(result.point_adjusted))
+    assert points_off_the_terrain(block, unadjusted) == []
