@@ -106,7 +106,6 @@ def test_plain_ground_and_the_edge_match_nothing() -> None:
 # Rays by least squares on a made-up relief: errors are as large as the standard deviations say.
 
 
-Image = pytest.importorskip("PIL.Image")
 CENTRE = np.array([(WIDTH - 1) / 2, (HEIGHT - 1) / 2])
 EDGE_PX = 30
 
@@ -137,6 +136,7 @@ def _by_ground(position: Array, R: Array, X: Array) -> Array:
 def test_errors_are_as_large_as_the_standard_deviations_say(
     tmp_path: Path, base_m: float, lower_m: float, kappa: float, noise: float
 ) -> None:
+    Image = pytest.importorskip("PIL.Image")
     positions = [np.array([20.0, 20.0, 100.0]), np.array([20.0 + base_m, 22.0, 100.0 - lower_m])]
     turns = [_about(0, 0.03) @ _about(1, -0.02), _about(0, -0.02) @ _about(1, 0.03) @ _about(2, kappa)]
     files = [str(tmp_path / f"{k}.png") for k in range(2)]

@@ -57,9 +57,17 @@ def faults(value: Any, schema: dict[str, Any], root: dict[str, Any], folder: Pat
     return found
 
 
+@pytest.fixture
+def schemas(interchange: Path) -> Path:
+    """Folder of the schemas of the specification."""
+    folder = interchange / "opf" / "schema"
+    if not folder.is_dir():
+        pytest.skip(f"schemas not present: {folder}")
+    return folder
+
+
 @pytest.mark.parametrize("frame", ["map", "local"])
-def test_the_documents_are_valid_by_their_schemas(tmp_path: Path, interchange: Path, frame: str) -> None:
-    schemas = interchange / "opf" / "schema"
+def test_the_documents_are_valid_by_their_schemas(tmp_path: Path, schemas: Path, frame: str) -> None:
     block = made_block(FULL, UTM) if frame == "map" else made_block(FULL)
     write_opf(OrientedBlock(block), tmp_path)
     for name in ("project", *(name for names in ITEMS.values() for name in names)):
@@ -68,8 +76,7 @@ def test_the_documents_are_valid_by_their_schemas(tmp_path: Path, interchange: P
         assert faults(json.loads(path.read_text()), schema, schema, schemas, name) == []
 
 
-def test_the_validator_finds_what_is_wrong(interchange: Path) -> None:
-    schemas = interchange / "opf" / "schema"
+def test_the_validator_finds_what_is_wrong(schemas: Path) -> None:
     schema = json.loads((schemas / "input_control_points.schema.json").read_text())
     mark = {"camera_id": -1, "position_px": [1.0], "accuracy": "1"}
     wrong = {"format": "x", "version": "1.0", "gcps": [], "mtps": [{"id": 1, "marks": [mark]}]}
