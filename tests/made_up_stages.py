@@ -96,6 +96,12 @@ def stubborn(numbers: Numbers, *, context: Context = SILENT) -> Total:
 
 
 @stage(version=1)
+def absent() -> Numbers:
+    """Lacks its data."""
+    raise ConvergenceError("nothing to read")
+
+
+@stage(version=1)
 def buggy(numbers: Numbers) -> Total:
     """Has a bug."""
     raise ZeroDivisionError("oh")
@@ -133,6 +139,7 @@ ROLES = {
 STAGES = {
     "source/fixed": fixed,
     "source/random": random,
+    "source/absent": absent,
     "sum/add": add,
     "sum/stubborn": stubborn,
     "sum/buggy": buggy,

@@ -81,7 +81,7 @@ def compare(
     if page is not None:
         from aatri.cli.terminal.key_figures import key_figures
 
-        changed = [line for run in compared[1:] for line in _parting_lines(compared[0], run)]
+        changed = _parting_lines(compared)
         write_page(page, compared, [key_figures(compared), _values_table("option", compared, options)], changed)
         say(str(page))
         return
@@ -92,8 +92,7 @@ def compare(
         say_side_by_side(compared)
     else:
         _say_figures(compared, options, metrics, everything=everything)
-    for run in compared[1:]:
-        say("\n".join(_parting_lines(compared[0], run)))
+    say("\n".join(_parting_lines(compared)))
 
 
 def _plain_comparison(compared: list[Compared], options: Rows, metrics: Rows) -> dict[str, Any]:
@@ -118,11 +117,13 @@ def _say_figures(compared: list[Compared], options: Rows, metrics: Rows, *, ever
     from aatri.cli.terminal.compare_tables import shown_value
     from aatri.cli.terminal.key_figures import say_key_figures
 
+    apart = len(compared) == 2 and not compared[0].records.keys() & compared[1].records.keys()
     if len(compared) == 2:
         say_key_figures(compared)
-        if not compared[0].records.keys() & compared[1].records.keys():
-            return
-    _say_values("option", compared, options)
+    if options or not apart:
+        _say_values("option", compared, options)
+    if apart:
+        return
     if everything:
         _say_values("figure", compared, metrics)
         return
@@ -131,7 +132,17 @@ def _say_figures(compared: list[Compared], options: Rows, metrics: Rows, *, ever
     say(f"{counted or 'the figures are equal'}\n")
 
 
-def _parting_lines(first: Compared, run: Compared) -> list[str]:
+def _parting_lines(compared: Sequence[Compared]) -> list[str]:
+    """What failed in the first run, then of each other what `_lines_of` says."""
+    first, *others = compared
+    return [*_failed_lines(first), *(line for run in others for line in _lines_of(run, first))]
+
+
+def _failed_lines(run: Compared) -> list[str]:
+    return [f"{run.name}: {stage} failed: {failure.get('what', '')}" for stage, failure in run.failures.items()]
+
+
+def _lines_of(run: Compared, first: Compared) -> list[str]:
     """What is changed in a run, where its results part from those of the first one, and what it lacks."""
     from aatri.pipeline.plan.compare import changes, parting
 
@@ -140,16 +151,16 @@ def _parting_lines(first: Compared, run: Compared) -> list[str]:
         for stage, reason in changes(first, run)
         if reason.why != "options"  # these stand in the table
     ]
-    failed = [f"{run.name}: {stage} failed: {failure.get('what', '')}" for stage, failure in run.failures.items()]
     missing = [stage for stage in first.stages if stage not in run.records and stage not in run.failures]
     without = f"; it has no result of {', '.join(missing)}" if missing else ""
     if not first.records.keys() & run.records.keys():
         end = f"no stage that {first.name} has a result of has one here: nothing to compare"
     else:
         split = parting(first, run)
-        equal = "what both have is equal" if failed or missing else f"its results are equal to those of {first.name}"
+        complete = all(stage in each.records for each in (first, run) for stage in each.stages)
+        equal = f"its results are equal to those of {first.name}" if complete else "what both have is equal"
         end = f"{equal if split is None else _parting_text(split, first)}{without}"
-    return [*changed, *failed, f"{run.name}: {end}"]
+    return [*changed, *_failed_lines(run), f"{run.name}: {end}"]
 
 
 def _names(folders: list[Path]) -> list[str]:

@@ -33,8 +33,10 @@ class Compared:
     failures: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def settings(self, stage: str) -> Mapping[str, Any] | None:
-        """Record or failure of a stage, which have its method and options; None where it did not run."""
-        return self.records.get(stage, self.failures.get(stage))
+        """Record or failure of a stage, with method and options; None where it did not run, or does not say them."""
+        failure = self.failures.get(stage, {})
+        stated = failure.get("plugin") is not None and failure.get("options") is not None
+        return self.records.get(stage, failure if stated else None)
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,8 @@ def option_rows(runs: Sequence[Compared]) -> list[tuple[str, list[Any]]]:
         by_run = {k: {"use": r["plugin"], **stated} for (k, r), stated in zip(records.items(), options)}
         made, values = list(by_run.values()), [by_run.get(k) for k in range(len(runs))]
         for name in dict.fromkeys(key for each in made for key in each):
-            if len({each["use"] for each in made}) > 1 and not all(name in each for each in made):
+            own = [each[name] for each in made if name in each]
+            if len({each["use"] for each in made}) > 1 and len(own) < len(made) and all(v == own[0] for v in own):
                 continue  # another method has options of its own
             row = [None if each is None else each.get(name) for each in values]
             if any(each.get(name) != made[0].get(name) for each in made):

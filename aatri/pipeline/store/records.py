@@ -249,4 +249,6 @@ _FAILURE: dict[str, Check] = {
     "exit_code": _number,
     "ended": _text,
     "key": _optional(_text),
+    "plugin": _optional(_text),
+    "options": _optional(_ANY),
 }
