@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from aatri.cli.new_beside import check_merged, is_network
 from aatri.cli.new_from_text import (
     ACCURACY,
     NETWORK,
@@ -40,10 +41,6 @@ ANGLES = {"angles_rad", "ground_from_image"}
 """Columns of attitudes that a source may have."""
 CALIBRATED = "self_calibration: {set: brown_conrady, remove: true}"
 """As programs of computer vision have it; what the block does not determine is taken out."""
-FIRST_IMAGES = (
-    "aatri new IMAGES --from the others, `aatri run` it, then `block/merged` of its Block and the network: "
-    "docs/methods/merging.md"
-)
 COMPONENTS = "variance_components: {groups: [kind], apply: true}"
 """Where no file states standard deviations of image points: they come from the residuals, against other kinds."""
 MAY_BE_OBSERVED = """\
@@ -82,10 +79,10 @@ def pipeline_from(
     from aatri.formats.registry.sources import read_all
 
     sources, parts = read_all(paths, settings, NARRATED, without=without)
-    networks = [p for p in parts if "geodetic" in p.others and not p.images]
+    networks = [p for p in parts if is_network(p)]
     joins = 0 < len(networks) < len(parts)  # a network and the images that show its points
-    if joins and (len(parts) - len(networks) > 1 or not all(s.format.stage for s in sources)):
-        raise InputError("a network beside several sources of images", where=str(sources[-1].path), remedy=FIRST_IMAGES)
+    if joins:
+        check_merged(sources, parts, settings)
     single_stage = (len(sources) == 1 or joins) and bool(sources[0].format.stage)
     stated = {s.key: s.value for s in settings} if single_stage else of_block(settings)
     if not parts:

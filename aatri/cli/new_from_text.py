@@ -70,8 +70,9 @@ def pipeline_text(
         options = {"path": path_from(sources[0].path, folder)} | dict(stated) | _files_of(sources[0], folder)
         block = f"  {name + ':':9} {{use: {sources[0].format.stage}, with: {_mapping(options)}}}\n"
     elif merges:
-        paths = json.dumps([path_from(source.path, folder) for source in sources])
-        block = f"  {name + ':':9} {{use: block/merged, with: {{blocks: {paths}}}}}\n"
+        of_each = [{k: v for k, v in _of_source(s, folder).items() if k != "format"} for s in sources]
+        blocks = ", ".join(_mapping(each) if len(each) > 1 else json.dumps(each["path"]) for each in of_each)
+        block = f"  {name + ':':9} {{use: block/merged, with: {{blocks: [{blocks}]}}}}\n"
     else:
         lines = "".join(f"        - {_mapping(_of_source(s, folder))}   # {s.format.title}\n" for s in sources)
         taken = {"image_sigma_px": 1.0, "control_sigma": [0.0, 0.0, 0.0]} | dict(stated)

@@ -89,12 +89,13 @@ def merged(*, options: MergedOptions, context: Context = SILENT) -> Block:
 def _block(part: SingleBlockOptions, context: Context) -> Block:
     """A block folder or an artifact, else what a format has that a stage of its own reads."""
     path = part.path
-    if path.exists() and path.suffix != SUFFIX and not (path / "block.yaml").exists():
+    own = path.suffix == SUFFIX or (path / "block.yaml").exists()
+    if path.exists() and not own:
         declared = recognised_file(path).format
         if declared.stage and declared.read is not None:
             reading = Reading(crs=part.crs, vertical=part.vertical)
             return assembled([read_source(path, reading, context)], reporter=context)
-    if part.crs or part.vertical:
+    if path.exists() and own and (part.crs or part.vertical):
         remedy = "leave `crs` and `vertical` out; a block folder says them in block.yaml"
         raise InputError("says its coordinate system itself", where=str(path), remedy=remedy)
     return block_from(path, context, OF_PARTS)

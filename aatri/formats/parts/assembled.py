@@ -57,6 +57,7 @@ def assembled(
     """
     for one, note in ((parts, note) for parts in sources for note in parts.notes):
         reporter.log(f"{one.files[0]}: {note}")
+    origin = not_stated.origin("control_sigma", sources)
     not_stated = not_stated.beside([parts.not_stated for parts in sources])
     frame = block_frame(list(sources), frame or stated_frame(not_stated.crs, not_stated.vertical))
     if len(sources) == 1 and (parts := sources[0]).ground_points and "geodetic" in parts.others and not parts.images:
@@ -69,7 +70,7 @@ def assembled(
     _give_cameras(tables)
     _count_from_camera(tables)
     rows = tables.tables
-    _give_sigmas(tables, not_stated, reporter)
+    _give_sigmas(tables, not_stated, origin, reporter)
     _check_versions(tables)
     rows["exterior"] = _with_angles(rows["exterior"])
     rows["camera_parameters"] = _held_or_free(rows["cameras"], rows["camera_parameters"], not_stated.calibrate)
@@ -207,15 +208,15 @@ def _check_pixel_size(xy_mm: Float, cameras: Rows, camera: int, where: str) -> N
         raise InputError(what, where=where, remedy="add the camera in mm, or its calibration with the size of a pixel")
 
 
-def _give_sigmas(tables: JoinedParts, not_stated: NotStated, reporter: Reporter) -> None:
+def _give_sigmas(tables: JoinedParts, not_stated: NotStated, origin: str, reporter: Reporter) -> None:
     points, ground, exterior = (tables.tables[t] for t in ("image_points", "ground_points", "exterior"))
     if points:
         points["sigma_mm"] = _image_sigma_mm(tables, not_stated)
     if ground:
         is_ground = np.isin(ground["role"], (CONTROL, CHECK))
         if (_fill(ground["covariance_m2"], np.asarray(not_stated.control_sigma)) & is_ground.any(axis=1)).any():
-            text = "control without a standard deviation: {} m is taken (`control_sigma`; 0 is exact)"
-            reporter.log(text.format(list(not_stated.control_sigma)))
+            text = "control without a standard deviation: {} m is taken ({}; 0 is exact)"
+            reporter.log(text.format(list(not_stated.control_sigma), origin))
     if not exterior:
         return
     observed = exterior["position_use"] == OBSERVED_VALUE

@@ -6,6 +6,7 @@ from typing import Any, Self
 from pydantic import Field
 
 from aatri.errors import InputError
+from aatri.formats.parts.block_parts import BlockParts
 from aatri.frames.checks import fault_of_frame
 from aatri.frames.conversion import Frame
 from aatri.options import Options
@@ -37,6 +38,11 @@ class NotStated(Options):
         """With what sources say for rows of others, the first source first; what was said here obeys."""
         values = {name: value for one in reversed(of_sources) for name, value in one.items()}
         return self.model_copy(update={k: v for k, v in values.items() if k not in self.model_fields_set})
+
+    def origin(self, name: str, sources: Sequence[BlockParts]) -> str:
+        """What says an option: the file of a source, where it is not said here."""
+        files = [] if name in self.model_fields_set else [p.files[0] for p in sources if name in p.not_stated]
+        return f"as {files[0]} says" if files else f"`{name}`"
 
 
 DEFAULTS = NotStated()

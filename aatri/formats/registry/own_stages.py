@@ -29,6 +29,7 @@ from aatri.formats.text.number_text import is_number
 from aatri.formats.text.text_line import places
 from aatri.formats.wucaps.reader import read_wucaps
 from aatri.formats.wucaps.writer import write_oriented
+from aatri.frames.axes import columns_in_order
 from aatri.progress import Reporter
 
 _NUMBER = r"[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?"
@@ -57,12 +58,16 @@ def _reads(name: str, read_block: Callable[..., Block]) -> Callable[[Path, Readi
 
 
 def _read_tables(path: Path, _: Reading, reporter: Reporter) -> BlockParts:
-    """A block folder; the standard deviations of its block.yaml are those of control and positions beside it, too."""
+    """A block folder; the standard deviations of its block.yaml are those of control and positions beside it, too.
+
+    They stand there in the order of the axes of its first frame, which the tables have.
+    """
     parts = parts_of(read_block(path, reporter=reporter), "tables")
     settings, _document = read_settings(path / "block.yaml")
     stated = {"control_sigma": settings.sigma.control, "position_sigma": settings.sigma.position}
     unit_m = settings.units.sigma_ground_m
-    sigma_m = {k: tuple((unit_m * np.broadcast_to(v, 3)).tolist()) for k, v in stated.items() if v is not None}
+    order = columns_in_order(next(iter(settings.frames.values())).axes)
+    sigma_m = {k: tuple((unit_m * np.broadcast_to(v, 3)[order]).tolist()) for k, v in stated.items() if v is not None}
     return replace(parts, not_stated=sigma_m)
 
 

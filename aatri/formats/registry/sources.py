@@ -10,7 +10,7 @@ import numpy as np
 
 from aatri.codes import APPROXIMATE_VALUE, OBSERVED_VALUE
 from aatri.errors import AatriError, InputError, raise_all
-from aatri.formats.parts.block_parts import PLANE, BlockParts, check_parts
+from aatri.formats.parts.block_parts import LOCAL, PLANE, BlockParts, check_parts
 from aatri.formats.parts.format import FileView, Reading
 from aatri.formats.parts.geoid import with_ellipsoidal_heights
 from aatri.formats.parts.not_stated import stated_frame
@@ -165,7 +165,9 @@ def _read(source: SourceWithSettings, reporter: Reporter) -> tuple[SourceWithSet
         parts = read_source(source.path, own, reporter)
         has_coordinates = bool(parts.ground_points or parts.exterior)  # in metres; a free model has none
         unnamed = has_coordinates and (
-            parts.frame is None or replace(parts.frame, vertical="") == replace(PLANE, name=parts.frame.name)
+            parts.frame is None
+            or replace(parts.frame, vertical="") == replace(PLANE, name=parts.frame.name)
+            or (parts.frame == LOCAL and "geodetic" in parts.others)  # a network is in metres
         )
     except InputError:  # it cannot do without a coordinate system, or it is damaged
         return source, read_source(source.path, general, reporter)
