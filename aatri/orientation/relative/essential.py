@@ -62,10 +62,11 @@ def essential_orientations(
         decide between two orientations over a plane.
     """
     settings, count = PairSettings(limit_of(rays, snooping_limit), max_iterations, min_points), np.diff(start)
-    last: list[FromConsensus] = []
+    searches: list[tuple[Bool, FromConsensus]] = []  # the first, with the standard deviations stated, and the last
 
-    def orient(scaled: RayPairs) -> RelativeOrientations:
-        many, few = (FromConsensus(start, max_samples, fewest, expected) for fewest in (SNOOPED, 5))
+    def orient(scaled: RayPairs, pairs: Int) -> RelativeOrientations:
+        first, rotations = np.concatenate([[0], np.cumsum(count[pairs])]), None if expected is None else expected[pairs]
+        many, few = (FromConsensus(first, max_samples, fewest, rotations) for fewest in (SNOOPED, 5))
 
         def parallel(portion: Portion) -> None:
             portion.chosen[:] &= (portion.count < SNOOPED) | (many.share[portion.pair] >= LEAST_SHARE_OF_MODEL)
@@ -75,12 +76,13 @@ def essential_orientations(
             portion.chosen[:] &= portion.count < SNOOPED
             few(portion)
 
-        last[:] = [many]
         starts = ((many, LEAST_SHARE_OF_MODEL), (parallel, ENOUGH_FIT), (five_or_six, LEAST_SHARE_OF_MODEL))
-        return oriented_from(scaled, start, starts, settings, reporter)
+        orientations = oriented_from(scaled, first, starts, settings, reporter)
+        searches[1:] = [(orientations.formed, many)]
+        return orientations
 
-    orientations, m = with_image_scale(orient, rays), len(count)
-    second, samples = last[0].second, last[0].samples
+    orientations, m = with_image_scale(orient, rays, start), len(count)
+    second, samples = next((s.second, s.samples) for formed, s in searches if formed is orientations.formed)
     for pair in np.flatnonzero(np.isfinite(second[:, 0, 0]) & orientations.formed).tolist():
         text = "ambiguous: another orientation explains the points as well, as over a plane"
         orientations.warnings[pair] = (*orientations.warnings.get(pair, ()), text)

@@ -9,7 +9,7 @@ rejected for them comes back, and the covariances of the models are those that t
 Standard deviations that are too large reject nothing that is right, and stay.
 
 Where they are wrong by more than some ten times most pairs make no model: too few points fit one orientation, or no
-base is seen. Then the pairs are oriented with some multiples of them, and what makes most models is the start.
+base is seen. Then some of the pairs are oriented with multiples of them, and what makes most models is the start.
 """
 
 from collections.abc import Callable
@@ -19,28 +19,34 @@ import numpy as np
 
 from aatri.adjustment.statistics.class_scales import class_scales
 from aatri.adjustment.statistics.limits import COARSEST_RAD, limit_of_tests
+from aatri.arrays import Bool, Int
 from aatri.geometry.coplanarity import RayPairs
 from aatri.orientation.relative.critical import angle_sigmas
-from aatri.orientation.relative.limits import MULTIPLES
-from aatri.orientation.relative.orientations import RelativeOrientations
+from aatri.orientation.relative.limits import MULTIPLES, NEEDS_SMALLER, SAMPLED_PAIRS
+from aatri.orientation.relative.orientations import RelativeOrientations, rows_of_pairs
 
 ROUNDS = 5
 SETTLED = 0.05
 """Change of the scale, as a share of it, at which the rounds end."""
 
 
-def with_image_scale(orient: Callable[[RayPairs], RelativeOrientations], rays: RayPairs) -> RelativeOrientations:
+def with_image_scale(
+    orient: Callable[[RayPairs, Int], RelativeOrientations], rays: RayPairs, start: Int
+) -> RelativeOrientations:
     """Orientations with the scale that the image points ask for.
 
     Parameters
     ----------
     orient : callable
-        Orients all pairs.
+        Orients pairs by their rays; the second are their rows in all pairs.
+    start : (m + 1,) int
+        First point of each pair.
     """
-    orientations = as_stated = orient(rays)
-    scale = 1.0
-    if 2 * orientations.formed.sum() < len(orientations.formed):
-        orientations, scale = _of_a_multiple(orient, rays, as_stated)
+    every, scale = np.arange(len(start) - 1), 1.0
+    orientations = as_stated = orient(rays, every)
+    if 2 * orientations.formed.sum() < len(every):
+        scale = _multiple_of_most(orient, rays, start, orientations.formed)
+        orientations = as_stated if scale == 1.0 else orient(with_sigmas(rays, scale), every)
     least = min(scale, 1.0)
     for _ in range(ROUNDS):
         requested_scale, clear = _scale_of(orientations)
@@ -49,23 +55,26 @@ def with_image_scale(orient: Callable[[RayPairs], RelativeOrientations], rays: R
         if settled or (scale == 1.0 and not clear):
             break
         scale = better
-        orientations = orient(with_sigmas(rays, scale))
-    if least < 1.0 and scale > MULTIPLES[1]:  # a base that smaller ones have made of the errors alone
+        orientations = orient(with_sigmas(rays, scale), every)
+    if least < 1.0 and scale > NEEDS_SMALLER:  # a base that smaller ones have made of the errors alone
         return as_stated
     return replace(orientations, sigma0=scale * orientations.sigma0, scale=scale)
 
 
-def _of_a_multiple(
-    orient: Callable[[RayPairs], RelativeOrientations], rays: RayPairs, as_stated: RelativeOrientations
-) -> tuple[RelativeOrientations, float]:
-    """Orientations with the multiple of the standard deviations that makes most models, and this multiple."""
-    stated_rad, best = float(np.median(angle_sigmas(rays))), (as_stated, 1.0)
-    for multiple in MULTIPLES if len(rays.left) else ():
-        if multiple * stated_rad <= COARSEST_RAD or multiple < 1.0:
-            trial = orient(with_sigmas(rays, multiple))
-            best = (trial, multiple) if trial.formed.sum() > best[0].formed.sum() else best
-        if best[0].formed.all():
-            break
+def _multiple_of_most(
+    orient: Callable[[RayPairs, Int], RelativeOrientations], rays: RayPairs, start: Int, formed: Bool
+) -> float:
+    """The multiple of the standard deviations that makes most models of pairs evenly taken; 1: those stated do."""
+    count = min(len(formed), SAMPLED_PAIRS)
+    pairs = np.arange(count) * len(formed) // count
+    sample = rays.take(rows_of_pairs(start, pairs))
+    if not len(sample.left):
+        return 1.0
+    stated_rad, best, most = float(np.median(angle_sigmas(sample))), 1.0, int(formed[pairs].sum())
+    for multiple in MULTIPLES:
+        if most < count and (multiple * stated_rad <= COARSEST_RAD or multiple < 1.0):
+            models = int(orient(with_sigmas(sample, multiple), pairs).formed.sum())
+            best, most = (multiple, models) if models > most else (best, most)
     return best
 
 

@@ -57,8 +57,17 @@ AS_GOOD_OF_FEW = 2.0
 
 # --- image scale
 
-MULTIPLES = (4.0, 0.25, 16.0, 1 / 16, 64.0, 1 / 64, 256.0)
-"""Of the standard deviations stated, tried where these make few models: each is within twice of the one that fits."""
+NEEDS_SMALLER = 1 / 4
+"""Share of the standard deviations stated: where only smaller ones than those stated make models, those that fit are
+below this share. Errors that are larger hide a base themselves."""
+
+MULTIPLES = (4.0, NEEDS_SMALLER, 16.0, 1 / 16, 64.0, 1 / 64, 256.0)
+"""Of the standard deviations stated, tried where these make few models. Powers of four, the nearer ones first: one is
+within twice of what fits, which is as near as the rounds after need it, for any 100 times too small or too large, as
+units taken for others make them."""
+
+SAMPLED_PAIRS = 500
+"""Pairs by which a multiple is chosen: a share of models is then known to 0.02, one standard deviation."""
 
 # --- loops
 

@@ -56,19 +56,21 @@ def relative_orientations(
     reporter : Reporter
         Told how many pairs are done.
     """
-    settings = PairSettings(limit_of(rays, snooping_limit), max_iterations, min_points)
+    settings, count = PairSettings(limit_of(rays, snooping_limit), max_iterations, min_points), np.diff(start)
 
-    def by_consensus(portion: Portion) -> None:
-        reporter.progress(0, 0, "pairs that are not nearly parallel, by five-point samples")
-        from aatri.orientation.relative.from_consensus import FromConsensus
+    def orient(scaled: RayPairs, pairs: Int) -> RelativeOrientations:
+        first = np.concatenate([[0], np.cumsum(count[pairs])])
 
-        FromConsensus(start)(portion)
+        def by_consensus(portion: Portion) -> None:
+            reporter.progress(0, 0, "pairs that are not nearly parallel, by five-point samples")
+            from aatri.orientation.relative.from_consensus import FromConsensus
 
-    def orient(scaled: RayPairs) -> RelativeOrientations:
+            FromConsensus(first)(portion)
+
         starts = ((from_parallel, ENOUGH_FIT), (by_consensus, LEAST_SHARE_OF_MODEL))
-        return oriented_from(scaled, start, starts, settings, reporter)
+        return oriented_from(scaled, first, starts, settings, reporter)
 
-    return with_image_scale(orient, rays)
+    return with_image_scale(orient, rays, start)
 
 
 def oriented_by(

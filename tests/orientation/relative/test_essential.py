@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from aatri.geometry.coplanarity import RayPairs, essential_matrix
+from aatri.orientation.relative import essential
 from aatri.orientation.relative.essential import essential_orientations
 from aatri.orientation.relative.kernels import hypotheses
 from aatri.orientation.relative.kernels.five_point import REAL_ROOTS, five_point, roots_within_one
 from aatri.orientation.relative.kernels.plane_twin import twin
+from aatri.orientation.relative.orientations import RelativeOrientations
 from tests.campaigns.essential import campaign, errors, rays_of, trial
 from tests.orientation.relative.five_point import five_point as in_numpy
 from tests.orientation.relative.pairs import gruber_ground, rotation, simulate
@@ -184,3 +188,25 @@ def test_a_hypothesis_is_judged_by_cauchys_cost_of_all_distances() -> None:
     np.testing.assert_allclose(v, wanted, rtol=1e-12)
     assert cost == pytest.approx(np.log1p((wanted / 3.0) ** 2).sum(), rel=1e-12)
     assert hypotheses.judge(E, np.hstack([left, right, variance]), 0.9 * cost, v) == np.inf
+
+
+@pytest.mark.slow
+def test_pairs_of_which_most_are_weak_are_not_all_oriented_with_every_multiple(monkeypatch: pytest.MonkeyPatch) -> None:
+    """100 good pairs and 1,400 of four points: a sample tells that the standard deviations are no cause."""
+    rays, _ = rays_of([trial(np.random.default_rng(3), noise=1.0)])
+    n, counts = len(rays.left), list[int]()
+    rays = rays.take(np.concatenate([np.tile(np.arange(n), 100), np.tile(np.arange(4), 1400)]))
+    start = np.concatenate([[0], np.cumsum([n] * 100 + [4] * 1400)])
+    oriented_from = essential.oriented_from
+
+    def counted(rays: RayPairs, start: np.ndarray, *rest: Any) -> RelativeOrientations:
+        counts.append(len(start) - 1)
+        return oriented_from(rays, start, *rest)
+
+    monkeypatch.setattr(essential, "oriented_from", counted)
+    made = essential_orientations(rays, start)
+    assert made.orientations.scale == 1.0
+    np.testing.assert_array_equal(made.orientations.formed, np.arange(1500) < 100)
+    np.testing.assert_array_equal(made.samples > 0, made.orientations.formed)
+    assert len(counts) > 2
+    assert sum(counts) < 3 * 1500
