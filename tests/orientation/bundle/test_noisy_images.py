@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aatri.adjustment.statistics.long_tails import Tail
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
+from aatri.orientation.bundle.blunders.fitted_sigmas import FittedSigmas
 from aatri.orientation.bundle.blunders.noisy_images import noisiest_images
 from aatri.orientation.bundle.blunders.robust import AdjustOptions
-from aatri.orientation.bundle.blunders.scaling import Scaling
+from aatri.orientation.bundle.blunders.scaling import Classes, Scaling
 from aatri.orientation.bundle.blunders.search import search
 from aatri.orientation.bundle.blunders.search_options import SearchOptions
 from aatri.orientation.bundle.groups.failed_search import mostly_rejected_images
@@ -104,6 +106,31 @@ def test_some_wrong_points_of_an_image_are_no_noise(method: str) -> None:
     assert not [note.text for note in done.notes if ": its errors are " in note.text]
     (rays,) = [o for o in done.result.observations if o.observed.kind == "image_point"]
     assert set(rows.tolist()) <= set(np.flatnonzero(~rays.used).tolist())
+
+
+LONG = Tail(freedom=4.0, limit=20.0)
+
+
+def test_a_residual_that_is_none_leaves_its_class_the_tail(monkeypatch: pytest.MonkeyPatch) -> None:
+    block = made_bundle().together()
+    search, result = FittedSigmas(block, _least_squares, SearchOptions(), 1e-3), _least_squares(block, AdjustOptions())
+    v, r, group = search.scaling.classes.residuals(result, None)
+    with_nan = np.where(np.arange(len(v)) == np.flatnonzero(group == 0)[0], np.nan, 3.0 * v)
+    monkeypatch.setattr(Classes, "residuals", lambda *_: (with_nan, r, group))
+    n = len(search.scaling.factor)
+    search.scaling, search.tails = replace(search.scaling, factor=np.full(n, 2.0)), (LONG,) * n
+    assert search._factors_of_tails(result)[0] == pytest.approx(3.0 * result.adjusted.sigma0, rel=0.05)
+
+
+def test_tails_of_other_classes_than_there_are_count_for_nothing() -> None:
+    """They are told after the last class of an image is made; one that came later would have had another's."""
+    block = _with_noise(6.0, 1).together()
+    search, result = FittedSigmas(block, _least_squares, SearchOptions(), 1e-3), _least_squares(block, AdjustOptions())
+    search.tails = (LONG,) * len(search.scaling.factor)
+    assert search._takes_image_apart(result, None)
+    np.testing.assert_array_equal(search._factors_of_tails(result), np.ones(len(search.scaling.factor)))
+    search._tails(result, anew=False)
+    assert len(search.tails) == len(search.scaling.factor)
 
 
 # Images of which a search has rejected most image points: one may be wrong as a whole, and bends the rest.

@@ -42,7 +42,7 @@ class FittedSigmas(Rejections):
     scaling : Scaling
         Those in use.
     tails : tuple of Tail
-        Of each class, by the last adjustment.
+        Of each class, by the last adjustment; none where it has not told them, or other classes' ones.
     smeared : bool
         Something is far out of the standard deviations that would fit, so that nobody knows which fit.
     """
@@ -173,6 +173,7 @@ class FittedSigmas(Rejections):
             if strip is None or len(images) == 1
             else f"strip {strip[images[0]]}"
         )
+        self.tails = ()  # of other classes than there are from here
         scaling, factor = self.scaling.with_images(self.all.observed, images, name)
         self._rescale(scaling, factor, from_result(self.block, result))
         return True
@@ -210,7 +211,8 @@ class FittedSigmas(Rejections):
         """
         v, r, group = self.scaling.classes.residuals(result, None)
         n = len(self.scaling.factor)
-        squares, redundancy = (np.bincount(group[group >= 0], x[group >= 0], n) for x in (v**2, r))
+        usable = (group >= 0) & np.isfinite(v) & np.isfinite(r)
+        squares, redundancy = (np.bincount(group[usable], x[usable], n) for x in (v**2, r))
         factor = np.sqrt(squares / np.where(redundancy > 0, redundancy, np.inf))
         has_tail = np.array([tail.limit > self.options.w_limit for tail in self.tails] or [False] * n)
         return np.where(self.scaling.changed & has_tail & (factor > SETTLED), factor, 1.0)
@@ -238,7 +240,11 @@ class FittedSigmas(Rejections):
         if self.options.limit is not None:
             return np.broadcast_to(1.0, len(self.all.native))
         tails = classes.tails(result, limit)
-        self.tails = tails if anew else tuple(min(pair, key=lambda t: t.limit) for pair in zip(self.tails, tails))
+        self.tails = (
+            tails
+            if anew or not self.tails
+            else tuple(min(pair, key=lambda t: t.limit) for pair in zip(self.tails, tails, strict=True))
+        )
         return self._smallest_factors(np.array([tail.limit for tail in self.tails]) / limit)
 
     def _tail_notes(self, use: Bool, test: Float) -> list[Note]:
