@@ -58,13 +58,12 @@ AS_GOOD_OF_FEW = 2.0
 # --- image scale
 
 NEEDS_SMALLER = 1 / 4
-"""Share of the standard deviations stated: where only smaller ones than those stated make models, those that fit are
-below this share. Errors that are larger hide a base themselves."""
+"""Share of the standard deviations stated: models that only smaller ones make count where those that fit are below
+it. Where they are above it smaller ones have made a base of the errors alone."""
 
 MULTIPLES = (4.0, NEEDS_SMALLER, 16.0, 1 / 16, 64.0, 1 / 64, 256.0)
 """Of the standard deviations stated, tried where these make few models. Powers of four, the nearer ones first: one is
-within twice of what fits, which is as near as the rounds after need it, for any 100 times too small or too large, as
-units taken for others make them."""
+within twice of what fits for all that are up to 100 times too small or too large (`test_far_off_sigmas`)."""
 
 SAMPLED_PAIRS = 500
 """Pairs by which a multiple is chosen: a share of models is then known to 0.02, one standard deviation."""

@@ -7,6 +7,7 @@ import pytest
 
 from aatri.adjustment.statistics.global_test import (
     global_test,
+    largest_sigma0,
     pooled_test,
     refuse_misfit,
     sigma0_interval,
@@ -65,6 +66,14 @@ def test_beyond_max_sigma0_there_is_no_result() -> None:
         refuse_misfit(global_test(312.0, 100), what="of strips")
     assert caught.value.remedy
     refuse_misfit(global_test(312.0, 100), 1000.0)
+
+
+@pytest.mark.parametrize(
+    ("sigma_rad", "limit"), [(0.0, 20.0), (1e-4, 20.0), (5.1e-5, 20.0), (4e-5, 25.0), (2e-6, 500.0)]
+)
+def test_sigma0_is_limited_by_what_directions_are_measured_to_at_worst(sigma_rad: float, limit: float) -> None:
+    """1 mrad: 4e-5 rad, which are 6 um at 150 mm, may be 25 times too small."""
+    assert largest_sigma0(sigma_rad) == pytest.approx(limit)
 
 
 def test_the_pooled_sigma0_is_that_of_all_squares_over_all_redundancies() -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aatri.adjustment.statistics.class_scales import ClassScales
 from aatri.adjustment.statistics.long_tails import Tail
 from aatri.orientation.bundle.adjust import adjust_bundle
 from aatri.orientation.bundle.block import BundleInput
@@ -131,6 +132,17 @@ def test_tails_of_other_classes_than_there_are_count_for_nothing() -> None:
     np.testing.assert_array_equal(search._factors_of_tails(result), np.ones(len(search.scaling.factor)))
     search._tails(result, anew=False)
     assert len(search.tails) == len(search.scaling.factor)
+
+
+@pytest.mark.parametrize(("of_most", "of_others"), [(1.9, 3.0), (2.1, 1.0), (0.53, 3.0), (0.48, 1.0)])
+def test_standard_deviations_of_most_that_are_twice_or_half_of_what_fits_are_set_right_first(
+    of_most: float, of_others: float
+) -> None:
+    """Residuals of positions beside them have the errors of image points: what they ask for waits."""
+    classes = Classes(("image_point", "position"), np.arange(2), ())
+    scales = ClassScales(np.array([of_most, 3.0]), np.array([900.0, 90.0]), np.array([True, True]))
+    search: Any = SimpleNamespace(scaling=Scaling(classes, np.ones(2)))
+    assert FittedSigmas._scaling_after(search, scales, None)[1].tolist() == [of_most, of_others]
 
 
 # Images of which a search has rejected most image points: one may be wrong as a whole, and bends the rest.

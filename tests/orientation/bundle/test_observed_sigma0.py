@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from aatri.artifacts.solution import Solution
+from aatri.checks.after.sigma0 import sigma0
 from aatri.stages.bundle_adjustment.bundle import BundleOptions, bundle
 from tests.campaigns.calibration_blocks import PLANNED, Type
 from tests.stages.film_blocks import Told
@@ -49,6 +53,18 @@ def test_sigma0_is_the_same_without_standard_deviations(of: dict[str, object]) -
     assert np.isnan(plain.images.covariance).all()
     assert np.isfinite(full.images.covariance).all()
     assert plain.sigma0 == pytest.approx(full.sigma0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("scale", "sigma_rad", "level"), [(24.0, 4e-5, "note"), (26.0, 4e-5, "error"), (24.0, 0.0, "error")]
+)
+def test_standard_deviations_that_fit_may_be_as_coarse_as_anybody_measures(
+    scale: float, sigma_rad: float, level: str
+) -> None:
+    adjusted = SimpleNamespace(sigma0=1.0, redundancy=300, down_weighted=False)
+    result: Any = SimpleNamespace(adjusted=adjusted, counted=None)
+    (finding,) = sigma0(result, None, scale, sigma_rad=sigma_rad)
+    assert finding.level == level
 
 
 def test_with_many_units_it_is_the_same_too(monkeypatch: pytest.MonkeyPatch) -> None:
