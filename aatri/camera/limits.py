@@ -5,13 +5,14 @@ import numpy as np
 # --- advice
 
 WARNED_CORRELATION = 0.95
-"""Correlations from here on are worth a warning."""
+"""Correlations of two camera parameters from here on are worth a warning."""
 
 NOT_DETERMINABLE = 0.999
-"""From here on the two cannot be told apart without a weight on one of them."""
+"""Correlation from which on two camera parameters cannot be told apart without a weight on one of them."""
 
 IS_OF_KIND = 0.99
-"""A parameter is of a kind if so much of its column's square lies in what the kind spans."""
+"""An additional parameter is of a kind (radial, affine ...) if so much of the square of its column lies in what the
+kind spans."""
 
 # --- calibrations of two blocks
 
@@ -21,4 +22,4 @@ SAME_NOMINAL_MM = 1e-6
 # --- vertical planes
 
 FLATTEST_RAD = np.deg2rad(80.0)
-"""Largest angle from the nadir."""
+"""Largest angle of a ray from the nadir: of flatter ones refraction and curvature of the earth are not corrected."""

@@ -9,7 +9,8 @@ import math
 # --- after: weak datum
 
 WEAK_SHARE = 0.95
-"""The quantile of the standard deviations of all points that is held against it: a few weak points are no matter."""
+"""Quantile of the standard deviations of all points that is held against `WEAK_DATUM`: a few weak points are no
+matter."""
 
 # --- after: left out
 
@@ -23,7 +24,7 @@ TIE_POINTS = 3
 """Common points by which two images are tied: those of a resection."""
 
 OWN_DATUM = 3
-"""Control points and positions that determine a part by itself."""
+"""Control points and positions that determine a part of a block by itself."""
 
 # --- as read: how much is told, and what is set aside
 
@@ -109,8 +110,8 @@ LARGE_BLOCK_M = 10e3
 # tests/formats/test_legal_work.py, test_wrong_units_of_real_blocks.py)
 
 FAR_CONTROL, EXPLAINED_DISTANCE, MOST_SEEN_M, LEAST_FAR_M = 5.0, 0.1, 100e3, 1.0
-"""Times the others' distance that is far; share of it that a change must leave to explain it; what no image sees; what
-is never far, in figures of a small object."""
+"""Distance of control from positions, in the others', that is far; share of it that a change must leave to explain it;
+what no image sees; what is never far, in figures of a small object."""
 
 ZONE_EASTING_M = 1e6
 """A zone number before the easting counts millions."""

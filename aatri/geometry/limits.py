@@ -19,7 +19,7 @@ FARTHEST_RAD, FAR_OFF_RAYS = 0.005, 6.0
 deviations, of which others are as many off, beyond which a single ray is."""
 
 MOST_CENTRES = 300
-"""Covariances of so many take a second; of more none is placed."""
+"""Projection centres that are placed together: covariances of so many take a second; of more none is placed."""
 
 # --- portable frame
 

@@ -9,7 +9,7 @@ PARALLEL_STRIPS = 0.9
 """Cosine between strips that are flown beside each other."""
 
 LEAST_SIDEWAYS = 0.1
-"""Of the footprint: strips that are nearer follow each other, or are flown twice."""
+"""Distance of two strips, as a share of the footprint: nearer strips follow each other, or are flown twice."""
 
 # --- judgement
 

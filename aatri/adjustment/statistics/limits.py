@@ -26,7 +26,7 @@ MEDIAN_SQUARE_OF_PLANE = 1.38629
 """Median of the square of a normal error in the plane of variance 1 in each coordinate: 2 ln 2."""
 
 SHOWN = 0.05
-"""Probability outside an interval that is told beside a figure."""
+"""Probability that a figure lies outside the interval told beside it."""
 
 POWER = 0.8
 """A detectable error or displacement is found with this probability."""
@@ -51,15 +51,17 @@ WEAK_DATUM = 10.0
 edges have 1 to 4, whatever their size (Ackermann 1966; Ebner 1972)."""
 
 OFF_SIGMAS = 5.0
-"""Rotations and attitudes so far off contradict the rest: of normal errors of three components one in 65,000."""
+"""Standard deviations of a rotation or attitude from which on it contradicts the rest: of normal errors of three
+components one in 65,000."""
 
 WRONG_SIGMAS = 6.0
-"""What is so far off is wrong: single values once in 5e8, rotations (three components) once in 13 million by chance."""
+"""Standard deviations of an observation or rotation from which on it is wrong: by chance single values once in 5e8,
+rotations (three components) once in 13 million."""
 
 # --- global test
 
 MAX_SIGMA0 = 20.0
-"""Beyond this an adjustment has not described its observations, whatever its iteration says."""
+"""sigma0 beyond which an adjustment has not described its observations, whatever its iteration says."""
 
 COARSEST_RAD = 1e-3
 """Standard deviation of directions from which on nobody measures. Chosen, without a source: two pixels where a right
@@ -70,15 +72,15 @@ WARNED_BEYOND = (0.8, 1.25)
 better."""
 
 FAR_BEYOND = (0.5, 2.0)
-"""Outside of these the standard deviations of a result say nothing."""
+"""sigma0 outside of these: the standard deviations of a result say nothing."""
 
 # --- class scales
 
 MATTERS = WARNED_BEYOND[1]
-"""Tests with standard deviations wrong by less than this are as good as right."""
+"""Scale of standard deviations up to which they are as good as right for tests."""
 
 LIMIT_OF_SCALES = float(chdtri(1.0, 2.0 * ALARM))
-"""Of a scale's likelihood ratio, one-sided."""
+"""Limit of the likelihood ratio of the scale of a class, one-sided."""
 
 UNTESTED_REDUNDANCY = 0.5
 """Redundancy up to which nothing tests the others without one record: any of three control points may be wrong."""
@@ -86,10 +88,10 @@ UNTESTED_REDUNDANCY = 0.5
 # --- attribution
 
 CONTROLLED_COMPONENT = 1e-3
-"""Components with a smaller redundancy number are not tested."""
+"""Redundancy number of a component of an observation below which it is not tested."""
 
 MOST_FOR_PAIRS = 14
-"""Records of a block up to which pairs of wrong ones are tried."""
+"""Records (observations of one object) of a block up to which pairs of wrong ones are tried."""
 
 # --- leave one out
 
@@ -97,7 +99,8 @@ CONTROLLED_DIRECTION = 1e-9
 """Directions of a record with a smaller redundancy are explained by nothing."""
 
 AS_GOOD_GAIN = 0.02
-"""Share of a gain by which another may fall short of it and still explain the same: the model is linear so far only."""
+"""Share by which the gain of leaving out another observation may fall short of the best and still explain the same: the
+model is linear so far only."""
 
 # --- exchanged
 
@@ -131,7 +134,7 @@ TESTED_REDUNDANCY = 0.01
 """Redundancy of a kind below which nothing tests it."""
 
 SMALL_ROOM = 3
-"""So many of the smallest kind may be wrong, if its redundancy allows it."""
+"""Records of the smallest kind that may be wrong, if its redundancy allows it."""
 
 # --- reliability
 
@@ -141,10 +144,10 @@ DELTA0 = 4.13
 # --- significance
 
 INSEPARABLE = 0.999
-"""Two parameters correlated like this cannot be told apart."""
+"""Correlation from which on two parameters cannot be told apart."""
 
 UNDETERMINED_SHARE = 0.1
-"""Below this data share a value is that of its prior."""
+"""Share of the data in an estimated parameter below which its value is that of its prior."""
 
 # --- variance components
 

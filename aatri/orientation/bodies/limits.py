@@ -5,18 +5,20 @@ import numpy as np
 # --- components
 
 GROSS_TIE = 30.0
-"""Points further from the median over their strips than this, in medians of all such distances, start as rejected."""
+"""Common points further from the median over their strips than this, in medians of all such distances, start as
+rejected."""
 
 MOST_TURNED_OVER = 5
-"""So many strips are left to themselves because others do not converge with them; beyond that all is wrong."""
+"""Strips that are left to themselves at most because others do not converge with them; beyond that all is wrong."""
 
 TIE_LIMIT = 6.0
-"""Test statistic of a wrong tie. Strips are deformed smoothly, so that good ties reach larger values than noise."""
+"""Test statistic of a wrong tie between strips. Strips are deformed smoothly, so that good ties reach larger values
+than noise."""
 
 # --- component growth
 
 WEAKEST_TIE_RAD = 0.05
-"""A tie whose weakest rotation is known worse than this joins nothing."""
+"""A tie between components whose weakest rotation is known worse than this joins nothing."""
 
 LONGEST_LEVER = 20.0
 """How many times the errors of common points may grow at the edge of the smaller component."""
@@ -38,7 +40,7 @@ ONE_MISFIT_IN = 4
 """One strip of so many may fit neither control nor the others, and one of fewer; more have another cause."""
 
 MOST_CANDIDATE_STRIPS = 3
-"""So many strips are tried, as a bent strip bends those it is joined to."""
+"""Strips that are tried for a misfit, as a bent strip bends those it is joined to."""
 
 # --- datum start
 
@@ -55,10 +57,11 @@ UPWARDS = 0.7
 # --- wrong control
 
 EXCHANGE_LEAVES, SECOND_LEAVES = 0.1, 2.0
-"""Share of the sum of distances that an exchange leaves at most; so many times as much any other exchange leaves."""
+"""Share of the sum of distances at control that an exchange of two points leaves at most; so many times as much any
+other exchange leaves."""
 
 FEWEST_FOR_EXCHANGE = 5
-"""Points without which two cannot be told: three must be left."""
+"""Control points below which two exchanged ones cannot be told: three must be left."""
 
 MOST_BY_ALL, MOST_SEARCHED, SPARE_FOR_EXCHANGE = 12, 4, 4
 """Control points of which each two are tried by all observations, and where all headings are tried for each two; the
@@ -68,8 +71,8 @@ CLEARLY_UPWARDS = 0.17
 """Sine of the elevation, 10 degrees, above which images look upwards in the mean where the control says so too."""
 
 TRIANGLE, FEWEST_MIRRORED, MIRRORED_CLEARLY = 3, 5, 0.2
-"""So many points always fit mirrored; fewer full points than the second do not say whether mirrored ones fit better,
-by a misfit of less than this share."""
+"""Control points that always fit mirrored; fewer full points than the second do not say whether mirrored ones fit
+better, by a misfit of less than this share."""
 
 FLAT_CONTROL = 1e-3
 """Misfit, as a share of the extent, of points that fit, or lie in a plane and fit either way."""
@@ -80,7 +83,8 @@ FEWEST_AGREEING = 5
 """Places that agree: any three fit, and of four one more that lies near them."""
 
 OFF_BEYOND = 4.0
-"""What is off by more is no deformation, and what is off by less is none of the wrong ones meant here."""
+"""Misfit of a place by the similarity of the others, in those up to which places agree: what is off by more is no
+deformation, and what is off by less is none of the wrong ones meant here."""
 
 # --- control by rays
 
@@ -93,7 +97,7 @@ UNDETERMINED_MOTION = 0.04
 """Lambda of a motion below which it is not determined: errors of control are magnified five times."""
 
 NAMED_SHARE = 0.3
-"""A parameter is named if at least this share of it lies in what is not determined."""
+"""Share of a parameter of the datum that must lie in what is not determined for it to be named."""
 
 # --- ground observed
 
@@ -112,7 +116,7 @@ UNKNOWN_MOTION = 0.1
 """Standard deviation of a motion of bodies, as a share of their extent, beyond which it is not determined."""
 
 MOVED_SHARE = 0.1
-"""Share of an open motion above which it moves a body."""
+"""Share of an open motion of several bodies above which it moves a body."""
 
 # --- absolute
 
@@ -148,7 +152,7 @@ SPARE_HEIGHTS = 2
 """Heights beyond the four that the factor takes."""
 
 FACTOR_LEAVES = 0.3
-"""Share of the residuals that may be left."""
+"""Share of the residuals of heights that a factor of heights may leave."""
 
 FACTOR_SIGMA = 0.07
 """A factor is told if it is known to this share of itself, and if 1 is ten standard deviations away."""

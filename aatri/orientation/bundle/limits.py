@@ -25,13 +25,13 @@ MOST_FRUITLESS = 2
 # --- free datum
 
 OPEN_DIRECTION = 1e-8
-"""A direction is open if no observation changes by more than this share of it."""
+"""Share of a movement by which observations change at most where the datum is open in its direction."""
 
 SAME_COST = 1e-6
 """Largest relative change of the cost by a movement that no observation should see."""
 
 NEARLY_SAME_COST = 1e-12
-"""The same, below which all that moves has followed exactly."""
+"""Relative change of the cost by such a movement below which all that moves has followed exactly."""
 
 # --- strip numbering
 
@@ -56,4 +56,5 @@ SURROUNDED = 0.5
 # --- variance groups
 
 RUNAWAY_FACTOR = 1e3
-"""Beyond this factor, or its inverse, a standard deviation runs away: the group cannot be told from the others."""
+"""Factor of the standard deviation of a group of observations, or its inverse, beyond which it runs away: the group
+cannot be told from the others."""

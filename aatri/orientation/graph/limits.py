@@ -3,22 +3,23 @@
 # --- component
 
 WIDE_RAD = 0.03
-"""Rays farther off than this before the bundle are left out of it."""
+"""Rays of a component farther off their points than this before the bundle are left out of it."""
 
 NARROW_RAD = 0.005
 """The same where with those up to `WIDE_RAD` it does not converge: a mirrored image of a wall is some degrees off."""
 
 FEWEST_POINTS = 6
-"""Images with fewer points that fit are not oriented."""
+"""Images of which fewer points fit a component are not oriented."""
 
 LEAST_SHOWN = 0.1
-"""Share of the errors that residuals show at least: with fewer, what is left out says more of them."""
+"""Share of the errors that residuals of a component show at least: with fewer, what is left out says more of them."""
 
 LEAST_FITTING = 0.4
 """Images of which a smaller share of the points fits in the end are not oriented."""
 
 LEAST_SPREAD = 0.1
-"""Standard deviations stated ten times too large count no more: residuals of made-up points may be zero."""
+"""Least spread of the residuals of a component, in stated standard deviations: more than ten times too large ones count
+no more, for residuals of made-up points may be zero."""
 
 # --- component bodies
 
@@ -45,7 +46,8 @@ WRONG_ROTATION_RAD = 0.05
 """A pair whose rotation is off by more than this, or `WRONG_SIGMAS` times its own standard deviation, is wrong."""
 
 OPEN_TRIANGLES = 0.1
-"""Share of its triangles below which a pair is trusted this much."""
+"""Trust in a rotation of a pair that is in no triangle; of others it is the share of triangles that close, at least the
+square of this."""
 
 # --- ground tests
 
@@ -63,13 +65,13 @@ FEWEST_TO_JOIN = 5
 """Points in common that must fit, for components to be joined."""
 
 FITTING_SHARE = 0.02
-"""Common points fit within this share of their extent."""
+"""Distance within which common points of two components fit, as a share of their extent."""
 
 MOST_WRONG = 0.4
-"""Share of the common points that may be wrong."""
+"""Share of the common points of two components that may be wrong."""
 
 ON_A_LINE = 0.02
-"""Common points lie on a line if they spread less across it, as a share of their length."""
+"""Common points of two components lie on a line if they spread less across it, as a share of its length."""
 
 FEWEST_DISTANCES, SAME_SCALE = 2, 0.05
 """Common points that must agree on the scale of components that share an image, to this share of it."""
@@ -83,7 +85,7 @@ conditions); of more points than the second one wrong does not spoil the start."
 # --- rotations
 
 CLOSED_RAD = 0.02
-"""A triangle closes within this, or within `OFF_SIGMAS` standard deviations where these are larger."""
+"""A triangle of rotations closes within this, or within `OFF_SIGMAS` standard deviations where these are larger."""
 
 # --- scales
 
@@ -94,12 +96,13 @@ FEWEST_FOR_SCALE = 3
 """Two pairs with fewer points in common do not tell the ratio of their bases; three stand at the standard positions."""
 
 SPREAD_OF_SCALES = 0.5
-"""Ratios whose points disagree by more than this (median deviation of the logarithm) are not used."""
+"""Median deviation of the logarithm, from point to point, of the ratio of the bases of two pairs: ratios with more are
+not used."""
 
 # --- to ground
 
 OPEN_MOTION = 1e-8
-"""The same below which a motion is held where the datum is free."""
+"""Lambda of a motion (`bodies.limits.UNDETERMINED_MOTION`) below which it is held where the datum is free."""
 
 # --- triangulation
 

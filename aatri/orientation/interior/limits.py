@@ -11,10 +11,11 @@ INSEPARABLE_MARKS = 0.99
 """Two marks whose residuals correlate by more cannot be told apart."""
 
 UNCONTROLLED = 1e-6
-"""A smaller eigenvalue of R_i means that an error in this direction does not show."""
+"""Eigenvalue of R_i of a fiducial mark below which an error of it in this direction does not show."""
 
 SCALE_TOLERANCE = 0.02
-"""Largest difference from the nominal scale."""
+"""Largest difference of the scale of an image by its fiducial marks from the nominal scale."""
 
 WRONG_MARK = 0.02
-"""A residual above this share of the marks' extent is no measuring error but a wrong mark."""
+"""Residual of a fiducial mark, as a share of the marks' extent, above which it is no measuring error but a wrong
+mark."""

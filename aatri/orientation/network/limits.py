@@ -3,10 +3,11 @@
 # --- meeting
 
 SAME_PLACE = 0.02
-"""Candidates nearer to each other than this share of the distances are one."""
+"""Candidates for the place of a point nearer to each other than this share of the distances are one."""
 
 CLEARLY_BETTER, LEAST_MISFIT = 20.0, 1e-6
-"""A candidate is sure where it fits so many times better than any other; sums of misfits below the second are equal."""
+"""The place of a point is sure where a candidate fits so many times better than any other; sums of misfits below the
+second are equal."""
 
 MOST_LOCI = 12
 """Of so many a place is sure; rays and circles of distances come before those of angles."""

@@ -3,7 +3,7 @@
 # --- collocation
 
 FEWEST_CELLS = 12
-"""With fewer occupied cells no covariance function is fitted."""
+"""Cells of the image with residuals below which no covariance function is fitted."""
 
 # --- flying height
 

@@ -20,7 +20,7 @@ OPEN_RAD = 0.3
 """A direction or rotation less certain than this is not determined."""
 
 MANY_REJECTED = 0.2
-"""A larger share of rejected points is reported."""
+"""Share of rejected points of a pair above which it is reported."""
 
 FAR_BASES, SHORT_BASES = 50.0, 25.0
 """Bases to the points beyond which the base is tiny, and short."""
@@ -43,7 +43,7 @@ CIRCLE_BETTER = 0.5
 # --- essential
 
 TURNED_SHARE = 0.5
-"""Share of the points that a rotation has to explain."""
+"""Share of the points of a pair that a rotation alone has to explain."""
 
 # --- from consensus
 
@@ -88,4 +88,4 @@ this share of what the other is; else nothing decides. The two differ by many de
 # --- shared planes
 
 OTHER_PLANE_RAD = 0.5
-"""Normals that differ by more tell no more: of other planes, or wrong."""
+"""Angle between the normals of a plane by two pairs beyond which it tells no more: of other planes, or wrong."""

@@ -3,19 +3,19 @@
 # --- start
 
 FEWEST_LINEAR = 6
-"""Points that determine the linear transformation of eleven parameters."""
+"""Known points of an image that determine the linear transformation of eleven parameters."""
 
 FLAT_POINTS = 1e-3
 """Points whose least spread is below this times the largest lie in a plane, for which the transformation is open."""
 
 WIDE_RAD = 0.03
-"""Points farther than this from where they are seen do not fit: a start may be off by as much."""
+"""Known points farther than this from where they are seen do not fit an image: a start may be off by as much."""
 
 LEAST_FITTING = 0.4
-"""Orientations that a smaller share of the points fits are none."""
+"""Share of the known points that an orientation of an image fits, below which it is none."""
 
 FEW_POINTS = 5
-"""Of so many points two orientations may see all: a second one is looked for."""
+"""Known points of an image up to which two orientations may see all: a second one is looked for."""
 
 OTHER_ORIENTATION, CLEARLY_WORSE = 0.05, 3.0
 """Orientations apart by this share of the distance of their points are different; the second best of them has to fit

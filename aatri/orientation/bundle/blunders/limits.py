@@ -3,12 +3,13 @@
 # --- attribution in kind
 
 SOFT_IN_TRIAL = 0.02
-"""Standard deviation that exact coordinates get for the trial, over that of a prediction without them."""
+"""Standard deviation that exact coordinates get for a trial without one of them, over that of its prediction."""
 
 # --- exact coordinates
 
 SOFT_COORDINATE = 0.3
-"""Of the median standard deviation of new points: adds a twentieth and less to that of a test."""
+"""Standard deviation of exact coordinates when they are tested, over the median of new points: adds a twentieth and
+less to that of a test."""
 
 WORST_LEFT_OUT = 4
 """Exact coordinates with the largest tests, of which each is left out: tests of a block that is far off tell only
@@ -32,10 +33,12 @@ MOST_NOISY = 3
 # --- noisy images
 
 SUSPICIOUS = 1.5
-"""Worth a trial: what least squares leave of an image's errors is less than these; the scale in the end decides."""
+"""Errors of an image over those of its class that are worth a trial: what least squares leave of them is less; the
+scale in the end decides."""
 
 APART = 10.0
-"""So much that the others no longer follow the image; what it is in the end its residuals tell."""
+"""Factor of the standard deviations of a noisy image on trial: so large that the others no longer follow the image;
+what it is in the end its residuals tell."""
 
 MOST_OF_STRIP, MOST_OF_BLOCK = 2 / 3, 0.5
 """Of the images of a strip, so many are suspicious where it is the strip that errs; of the images of a block that are
@@ -53,13 +56,13 @@ NOISY_STRIP = 1.6
 """The worst of an ordinary flight by itself, as above: most images of a strip together are not all the worst of it."""
 
 MISNAMED = 50.0
-"""Points so much farther off have other points' numbers, or an image another's: errors of half a millimetre where 10 um
-are usual."""
+"""Errors of an image, in those of its class, from which on its points have other points' numbers, or the image
+another's: half a millimetre where 10 um are usual."""
 
 # --- points
 
 FIRM = 1e-3
-"""Standard deviation of an exact coordinate at its point, over that which the rays give it."""
+"""Standard deviation of an exact coordinate in the test of its point, over that which the rays give it."""
 
 # --- rejections
 
@@ -70,10 +73,12 @@ control point perhaps, is as good as the others. Beside long tails as much more 
 # --- renumbered rays
 
 FITS_NUMBER = 2.0
-"""Where the other is expected is known worse than a coordinate is measured: from its own rays, often two."""
+"""Factor of the limit of a ray for another point to be its own: where that is expected is known worse than a coordinate
+is measured, from its own rays, often two."""
 
 NEAR_NUMBER = 0.01
-"""Share of the principal distance within which a point is looked at: lens and film are left out at first."""
+"""Share of the principal distance within which another point is looked at for a ray: lens and film are left out at
+first."""
 
 # --- robust start
 

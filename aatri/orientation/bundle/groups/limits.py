@@ -3,7 +3,8 @@
 # --- candidates
 
 ENOUGH_UNITS = 10
-"""Units from which on most of them are right, and tell what units have in common without being wrong."""
+"""Units (images, flights, cameras) from which on most are right, and tell what units have in common without being
+wrong."""
 
 MOST_TYPICAL = 24
 """Images that tell what images and their neighbourhoods have in common where nothing is wrong with them."""
@@ -36,7 +37,8 @@ LARGE_RESIDUAL, FEWEST_LARGE = 2.5, 3
 """Images with so many residuals beyond so many standard deviations are looked at."""
 
 LEAST_LEFT = 0.1
-"""Of a shift of 0.7 of the points of an image a linear field over the image takes up 0.9."""
+"""Share of the shift of a neighbourhood that a linear field over the image leaves at least: of a shift of 0.7 of the
+points it takes up 0.9."""
 
 MOST_IMAGES_TESTED = 12
 """Images that are tested by themselves, those with the largest bounds."""
@@ -53,7 +55,7 @@ MOST_GROUPS = 6
 """Groups that are looked for, one by one; where more is wrong, the model of the block is."""
 
 SEVERAL = 3
-"""Rejections of a kind that may be a group: two are single ones."""
+"""Rejections of a kind from which on they may be a group: two are single ones."""
 
 ROUGH_SQUARES = 25.0
 """By how much v'v of the adjustments on the way may differ from its least: they end with a decrement of 5."""
