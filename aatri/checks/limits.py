@@ -9,8 +9,7 @@ import math
 # --- after: weak datum
 
 WEAK_SHARE = 0.95
-"""Quantile of the standard deviations of all points that is held against `WEAK_DATUM`: a few weak points are no
-matter."""
+"""Quantile of the standard deviations of all points that is held against `WEAK_DATUM`: a few may be weak."""
 
 # --- after: left out
 
@@ -110,8 +109,8 @@ LARGE_BLOCK_M = 10e3
 # tests/formats/test_legal_work.py, test_wrong_units_of_real_blocks.py)
 
 FAR_CONTROL, EXPLAINED_DISTANCE, MOST_SEEN_M, LEAST_FAR_M = 5.0, 0.1, 100e3, 1.0
-"""Distance of control from positions, in the others', that is far; share of it that a change must leave to explain it;
-what no image sees; what is never far, in figures of a small object."""
+"""Distance of control from positions, in the others', that is far; share of it that a change leaves to explain it; what
+no image sees; what is never far, in figures of a small object."""
 
 ZONE_EASTING_M = 1e6
 """A zone number before the easting counts millions."""
