@@ -11,15 +11,18 @@ So a block is placed of which no part is: a control point in each of two strips 
 single ray shows. Source: Rother & Carlsson 2002, Linear multi view reconstruction and camera recovery.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array, diags_array
-from scipy.sparse.linalg import splu
+from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse import bsr_array
 
-from aatri.arrays import Float, Int, finite_rows
-from aatri.geometry.limits import FAR_OFF_RAYS, FARTHEST_RAD, MOST_CENTRES, UNKNOWN_PLACE
-from aatri.geometry.vectors import tangents
+from aatri.arrays import Float, Int, finite_rows, sums_of
+from aatri.geometry.limits import FAR_OFF_RAYS, FARTHEST_RAD, MOST_CENTRES, MOST_POINTS, UNKNOWN_PLACE
+
+PASSES, SHARPEST_RAD = 10, 3e-5
+"""Without what does not fit: of more the block is no start. Standard deviation of the most exact rays: beside
+weights of sharper ones what is open is rounding."""
 
 STEPS, FAR, EXACT, SHORT = 12, 30.0, 1e-6, 0.1
 """Of reweighting; lengths of rays within which a place lies of which nothing tells; their share known of exact ones,
@@ -38,6 +41,11 @@ class DirectedRays:
     sigma_rad: Float
     """(n,)."""
 
+    @property
+    def few_enough(self) -> bool:
+        """Whether they are solved: at most `MOST_CENTRES` and `MOST_POINTS` are."""
+        return 0 < len(np.unique(self.centre)) <= MOST_CENTRES and len(np.unique(self.point)) <= MOST_POINTS
+
 
 @dataclass(frozen=True)
 class ObservedPlaces:
@@ -52,12 +60,16 @@ class ObservedPlaces:
 
 def places_by_rays(rays: DirectedRays, observed: ObservedPlaces, n: int) -> tuple[Float, Float]:
     """Coordinates of n places, (n, 3), NaN where they are not determined, and their covariances, about, (n, 3, 3)."""
-    rows = np.arange(len(rays.centre))
-    while 0 < len(np.unique(rays.centre[rows])) <= MOST_CENTRES:
-        if not np.isin(observed.place, [*rays.centre[rows], *rays.point[rows]]).any():
+    rays = replace(rays, sigma_rad=np.maximum(rays.sigma_rad, SHARPEST_RAD))
+    rows = np.argsort(rays.centre, kind="stable")
+    for _ in range(PASSES if rays.few_enough else 0):
+        if not np.isin(observed.place, np.concatenate([rays.centre[rows], rays.point[rows]])).any():
             break
         taken = DirectedRays(*(getattr(rays, name)[rows] for name in rays.__dataclass_fields__))
-        xyz, covariance, off_rad = _solved(taken, observed, n)
+        try:
+            xyz, covariance, off_rad = _solved(taken, observed, n)
+        except np.linalg.LinAlgError:
+            break
         if np.median(off_rad) > FARTHEST_RAD:
             break
         off, firm = off_rad / taken.sigma_rad, finite_rows(xyz[taken.centre]) & finite_rows(xyz[taken.point])
@@ -71,43 +83,46 @@ def places_by_rays(rays: DirectedRays, observed: ObservedPlaces, n: int) -> tupl
 
 
 def _solved(rays: DirectedRays, observed: ObservedPlaces, n: int) -> tuple[Float, Float, Float]:
-    """Places that rays determine, (n, 3), NaN elsewhere, their covariances, about, and what rays are off, rad."""
-    centres, points = np.unique(rays.centre), np.unique(rays.point)
-    used, column = np.concatenate([centres, points]), np.full(n, -1)
-    column[used] = np.arange(len(used))
-    centre, point, k, size = column[rays.centre], column[rays.point], len(rays.centre), 3 * len(used)
+    """Places that rays determine, (n, 3), NaN elsewhere, their covariances, about, and what rays are off, rad.
+
+    Rays are ordered by centre. Points are eliminated: with N_pp = sum of w P, 3 x 3 for each, the centres have
+    N_cc - N_cp N_pp^-1 N_pc.
+    """
+    centres, centre = np.unique(rays.centre, return_inverse=True)
+    points, point = np.unique(rays.point, return_inverse=True)
+    c, p, k, used = len(centres), len(points), len(rays.centre), np.concatenate([centres, points])
+    column, ends, of_centre = np.full(n, -1), np.append(centre, c + point), np.searchsorted(centre, np.arange(c + 1))
+    column[used] = np.arange(c + p)
     at = column[observed.place]
     at, xyz, sigma = at[at >= 0], observed.xyz[at >= 0], observed.sigma[at >= 0]
-    of_observed = (3 * at[:, None] + np.arange(3)).ravel()
-    values, row = tangents(rays.direction).swapaxes(1, 2).reshape(2 * k, 3), np.arange(2 * k)[:, None]
-    entries = [(3 * np.repeat(end, 2)[:, None] + np.arange(3)).ravel() for end in (centre, point)]
-    A = csr_array(
-        (np.append(-values, values), (np.tile(np.repeat(row, 3), 2), np.concatenate(entries))), shape=(2 * k, size)
-    )
+    P = np.eye(3) - rays.direction[:, :, None] * rays.direction[:, None, :]
     # lengths that are far too long at first: beside such rays all that is known is exact
     length, robust = np.full(k, 10.0 * max(float(np.ptp(xyz, axis=0).max(initial=0.0)), 1.0)), np.ones(k)
     for _ in range(STEPS):
-        typical, weight = float(np.quantile(length, 0.9)), np.repeat(robust / (length * rays.sigma_rad) ** 2, 2)
-        weight_observed = 1.0 / np.maximum(sigma, EXACT * typical).ravel() ** 2
-        diagonal = np.bincount(of_observed, weight_observed, size) + 1.0 / (FAR * typical) ** 2
-        N = csc_array(A.T @ diags_array(weight) @ A + diags_array(diagonal))
-        factor = splu(N)
-        X = factor.solve(np.bincount(of_observed, weight_observed * xyz.ravel(), size)).reshape(-1, 3)
-        w = X[point] - X[centre]
+        typical = float(np.quantile(length, 0.9))
+        wP = (robust / (length * rays.sigma_rad) ** 2)[:, None, None] * P
+        weight = 1.0 / np.maximum(sigma, EXACT * typical) ** 2
+        diagonal, right = sums_of(weight, at, c + p) + 1.0 / (FAR * typical) ** 2, sums_of(weight * xyz, at, c + p)
+        N = sums_of(np.concatenate([wP, wP]), ends, c + p) + diagonal[:, :, None] * np.eye(3)
+        of_points = np.linalg.inv(N[c:])
+        by_points = wP @ of_points[point]
+        lower, upper = (bsr_array((rows, point, of_centre), shape=(3 * c, 3 * p)) for rows in (by_points, wP))
+        S = -(lower @ upper.T).toarray().reshape(c, 3, c, 3)
+        S[np.arange(c), :, np.arange(c)] += N[:c]
+        S = S.reshape(3 * c, 3 * c)
+        reduced = right[:c] + sums_of(np.einsum("nij,nj->ni", by_points, right[c:][point]), centre, c)
+        X_c = cho_solve(cho_factor(S), reduced.ravel()).reshape(c, 3)
+        X_p = right[c:] + sums_of(np.einsum("nij,nj->ni", wP, X_c[centre]), point, p)
+        X = np.concatenate([X_c, np.einsum("nij,nj->ni", of_points, X_p)])
+        w = X[c + point] - X[centre]
         away = np.maximum(np.linalg.norm(w, axis=1), EXACT * typical)
         off_rad = np.arccos(np.clip(np.einsum("ni,ni->n", w, rays.direction) / away, -1.0, 1.0))
         length = np.maximum(away, SHORT * typical)
         off = off_rad / rays.sigma_rad
         robust = 1.0 / np.maximum(off / max(float(np.median(off)), 1.0), 1.0)
-    c = len(centres)
-    of_centres = factor.solve(np.eye(size, 3 * c))[: 3 * c].reshape(c, 3, c, 3)[np.arange(c), :, np.arange(c)]
-    own = N.tobsr((3, 3))
-    blocks = own.data[own.indices == np.repeat(np.arange(len(used)), np.diff(own.indptr))]
-    C = np.concatenate([of_centres, np.linalg.inv(blocks[c:])])
-    share = 1.0 / np.bincount(point, minlength=len(used))[point]
-    np.add.at(C, point, of_centres[centre] * share[:, None, None])  # a point moves as its centres do
-    C *= max(1.0, float(np.median(off))) ** 2
-    ends = np.append(centre, point)
+    of_centres = np.linalg.inv(S).reshape(c, 3, c, 3)[np.arange(c), :, np.arange(c)]
+    of_points += sums_of(of_centres[centre], point, p) / np.bincount(point)[:, None, None]  # they move as centres do
+    C = np.concatenate([of_centres, of_points]) * max(1.0, float(np.median(off))) ** 2
     distance = np.bincount(ends, np.append(length, length)) / np.bincount(ends)
     firm = np.einsum("nii->n", C) < (UNKNOWN_PLACE * distance) ** 2
     places, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
