@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -54,6 +54,9 @@ from aatri.observations.observed import ObservationSource, Observed
 from aatri.observations.parameters import uses_of_vector
 from aatri.observations.poses import POSE, Poses
 from aatri.options import Options
+
+if TYPE_CHECKING:
+    from aatri.artifacts.block import Block
 
 CARRIER = "roll-pitch-heading"
 
@@ -224,6 +227,16 @@ def attitudes_of(source: ObservationSource) -> Attitudes:
     )
     observed, turning = angles.rotations()
     return Attitudes(row, image, camera, observed, turning, e.angle_sigma_rad[row], source.axes_at(place), angles)
+
+
+def boresight_sigma(block: Block) -> Float:
+    """Standard deviations of the boresights, rad; of free ones, which nothing here determines, 0."""
+    sigma = np.zeros((len(block.cameras), 3))
+    p = block.camera_parameters
+    for k, axis in enumerate("xyz"):
+        of_axis = (p.name == f"boresight.{axis}") & ~p.free
+        sigma[p.camera[of_axis], k] = np.nan_to_num(p.sigma[of_axis])
+    return sigma
 
 
 def ground_of_angles(source: ObservationSource, place: Float) -> Float:

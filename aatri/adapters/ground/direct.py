@@ -16,7 +16,7 @@ from aatri.errors import GeometryError
 from aatri.frames.tangent import TangentFrame
 from aatri.geometry.rotations import exp_rotation, skew
 from aatri.notes import Note
-from aatri.observations.attitudes import attitudes_of
+from aatri.observations.attitudes import attitudes_of, boresight_sigma
 from aatri.observations.image_points import rays_of
 from aatri.observations.observed import ObservationSource
 from aatri.observations.poses import POSE, Poses
@@ -78,16 +78,6 @@ def _poses(block: Block, frame: TangentFrame | None) -> tuple[Poses, Float]:
     cross = K @ C_turn
     covariance[image] = np.block([[C_antenna + cross @ K.swapaxes(1, 2), cross], [cross.swapaxes(1, 2), C_turn]])
     return Poses(position, rotation), covariance
-
-
-def boresight_sigma(block: Block) -> Float:
-    """Standard deviations of the boresights, rad; of free ones, which nothing here determines, 0."""
-    sigma = np.zeros((len(block.cameras), 3))
-    p = block.camera_parameters
-    for k, axis in enumerate("xyz"):
-        of_axis = (p.name == f"boresight.{axis}") & ~p.free
-        sigma[p.camera[of_axis], k] = np.nan_to_num(p.sigma[of_axis])
-    return sigma
 
 
 def _solution(block: Block, image_points: ImagePoints | None, poses: Poses, covariance: Float) -> Solution:

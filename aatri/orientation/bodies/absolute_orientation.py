@@ -264,8 +264,12 @@ def _joined_and_oriented(
     def beside_each_other(failed: list[Failed]) -> list[Failed]:
         together = parts_together(block_strips, parts, failed, settings) if failed else {}
         if len(together) < len(failed) and any(isinstance(error, OpenDatumError) for _, _, error in failed):
-            turned = images_by_attitudes(block_strips.ground, block_strips.rays)
-            together = together if turned is None else parts_together(block_strips, parts, failed, settings, [turned])
+            placed = [part.on_ground for part in [*parts, *(part for part, _ in together.values())]]
+            turned = images_by_attitudes(block_strips.ground, block_strips.rays, placed)
+            if isinstance(turned, str):
+                notes.extend([Note("warning", turned)] if turned else [])
+            else:
+                together = parts_together(block_strips, parts, failed, settings, [turned])
         parts.extend(part for part, _ in together.values())
         notes.extend(note for _, of_part in together.values() for note in of_part)
         return [one for k, one in enumerate(failed) if k not in together]

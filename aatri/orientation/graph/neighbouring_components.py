@@ -111,15 +111,16 @@ def together(
 
 
 def placed_by_attitudes(
-    ground: GroundObserved, rays: ImagePointRows, failures: Sequence[AatriError]
-) -> tuple[OnGround, Note] | None:
+    ground: GroundObserved, rays: ImagePointRows, done: Sequence[OnGround], failures: Sequence[AatriError]
+) -> tuple[list[OnGround], list[Note]]:
     """Images with observed attitudes that all rays, control and positions together place, where components are open."""
     if not any(isinstance(failure, OpenDatumError) for failure in failures):
-        return None
-    if (body := images_by_attitudes(ground, rays)) is None:
-        return None
+        return [], []
+    body = images_by_attitudes(ground, rays, [body_of(part.component, rays) for part in done])
+    if isinstance(body, str):
+        return [], [Note("warning", body)] if body else []
     component = component_of(body, rays)
     placed = several(int(component.images.sum()), "image", "is", "are")
     reasons = "; ".join(failure.what for failure in failures)
     note = Note("note", f"{placed} placed by attitudes, rays, control and positions together; without them {reasons}")
-    return OnGround(component, None, IDENTITY), note
+    return [OnGround(component, None, IDENTITY)], [note]

@@ -103,10 +103,13 @@ def to_ground(
         notes += of_part
     left, of_shared = _by_what_they_share(ground, failed, rays, done, settings)
     notes += of_shared
-    if turned := placed_by_attitudes(ground, rays, [failure for _, _, failure, _ in left]):
-        done.append(turned[0])
-        notes.append(turned[1])
-        left = [one for one in left if not turned[0].component.images[one[0].images].all()]
+    turned, of_attitudes = placed_by_attitudes(ground, rays, done, [failure for _, _, failure, _ in left])
+    notes += of_attitudes
+    for part in turned:
+        done.append(part)
+        failed = [one[:3] for one in left if not part.component.images[one[0].images].all()]
+        left, of_shared = _by_what_they_share(ground, failed, rays, done, settings)
+        notes += of_shared
     for component, what, failure, by_shared in left:
         part_or_none, of_part = _otherwise(ground, component, rays, done, what, settings, failure, by_shared)
         notes += of_part

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -10,10 +11,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from aatri.adapters.frame.adjustment_frame import geodesy_of, in_tangent_frame, poses_into
 from aatri.errors import GeometryError
+from aatri.geometry.rotations import log_rotation
+from aatri.observations.image_points import rays_of
 from aatri.observations.poses import Poses
+from aatri.orientation.bodies.by_attitudes import images_by_attitudes
+from aatri.orientation.bodies.ground_observed import ground_observed
 from aatri.orientation.graph.to_ground import _look_down
+from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.small_blocks import Small, adjusted_by, flown, off_m
+from tests.stages.bundle_adjustment.test_attitudes import flown as surveyed
 
 
 def sharing(points: int, *, control: dict[str, str], attitudes: bool = False) -> Small:
@@ -83,3 +91,24 @@ def test_components_begin_level_only_beside_images_that_look_down(elevation_deg:
     component = SimpleNamespace(poses=Poses(np.zeros((4, 3)), rotation), images=np.arange(4) > 0)
     assert _look_down(cast(Any, [SimpleNamespace(component=component)])) == level
     assert _look_down([])
+
+
+@pytest.mark.parametrize("system", ["omega-phi-kappa", "roll-pitch-heading"])
+@pytest.mark.parametrize("positions", [0, 5])
+def test_attitudes_place_images_where_grid_north_is_not_true_north(system: str, positions: int) -> None:
+    """200 km beside the central meridian, 1.5 degrees; attitudes are exact but for a boresight of 1 degree."""
+    block = surveyed(1, {"false_origin_m": (700_000.0, 4_505_000.0)}, rotation=system)
+    e, truth = block.exterior, block.true_images
+    lacks = np.isin(e.image, range(positions, 10))[:, None]
+    exact = replace(e, position_m=np.where(lacks, np.nan, e.position_m), angle_sigma_rad=0 * e.angle_sigma_rad)
+    block = replace(block, exterior=exact)
+    inside = in_tangent_frame(block)
+    ground = ground_observed(block, inside.block, inside.frame, geodesy_of(block, inside.frame), use_positions=True)
+    body = images_by_attitudes(ground, rays_of(inside.block, calibrated(block)), [])
+    assert truth is not None
+    assert not isinstance(body, str)
+    true = poses_into(inside.frame, truth.position_m, truth.ground_from_image)
+    turn = log_rotation(body.poses.ground_from_image @ true.ground_from_image.swapaxes(1, 2))
+    assert np.abs(turn).max() < 1e-3
+    assert np.abs(body.poses.position_m + ground.origin_m - true.position_m).max() < 1.0
+    assert body.turn_rad > 0
