@@ -85,8 +85,8 @@ def places_by_rays(rays: DirectedRays, observed: ObservedPlaces, n: int) -> tupl
 def _solved(rays: DirectedRays, observed: ObservedPlaces, n: int) -> tuple[Float, Float, Float]:
     """Places that rays determine, (n, 3), NaN elsewhere, their covariances, about, and what rays are off, rad.
 
-    Rays are ordered by centre. Points are eliminated: with N_pp = sum of w P, 3 x 3 for each, the centres have
-    N_cc - N_cp N_pp^-1 N_pc.
+    Rays are ordered by centre. Points are eliminated: with N_pp = sum of w P = L L', 3 x 3 for each, and Z = L^-1 N_pc
+    the centres have N_cc - Z'Z. The inverse of N_pp would be rounding where one ray shows a point.
     """
     centres, centre = np.unique(rays.centre, return_inverse=True)
     points, point = np.unique(rays.point, return_inverse=True)
@@ -104,16 +104,16 @@ def _solved(rays: DirectedRays, observed: ObservedPlaces, n: int) -> tuple[Float
         weight = 1.0 / np.maximum(sigma, EXACT * typical) ** 2
         diagonal, right = sums_of(weight, at, c + p) + 1.0 / (FAR * typical) ** 2, sums_of(weight * xyz, at, c + p)
         N = sums_of(np.concatenate([wP, wP]), ends, c + p) + diagonal[:, :, None] * np.eye(3)
-        of_points = np.linalg.inv(N[c:])
-        by_points = wP @ of_points[point]
-        lower, upper = (bsr_array((rows, point, of_centre), shape=(3 * c, 3 * p)) for rows in (by_points, wP))
-        S = -(lower @ upper.T).toarray().reshape(c, 3, c, 3)
+        L = np.linalg.cholesky(N[c:])
+        Z, y = np.linalg.solve(L[point], wP), np.linalg.solve(L, right[c:, :, None])[:, :, 0]
+        eliminated = bsr_array((Z.swapaxes(1, 2), point, of_centre), shape=(3 * c, 3 * p))
+        S = -(eliminated @ eliminated.T).toarray().reshape(c, 3, c, 3)
         S[np.arange(c), :, np.arange(c)] += N[:c]
         S = S.reshape(3 * c, 3 * c)
-        reduced = right[:c] + sums_of(np.einsum("nij,nj->ni", by_points, right[c:][point]), centre, c)
+        reduced = right[:c] + sums_of(np.einsum("nji,nj->ni", Z, y[point]), centre, c)
         X_c = cho_solve(cho_factor(S), reduced.ravel()).reshape(c, 3)
-        X_p = right[c:] + sums_of(np.einsum("nij,nj->ni", wP, X_c[centre]), point, p)
-        X = np.concatenate([X_c, np.einsum("nij,nj->ni", of_points, X_p)])
+        y += sums_of(np.einsum("nij,nj->ni", Z, X_c[centre]), point, p)
+        X = np.concatenate([X_c, np.linalg.solve(L.swapaxes(1, 2), y[:, :, None])[:, :, 0]])
         w = X[c + point] - X[centre]
         away = np.maximum(np.linalg.norm(w, axis=1), EXACT * typical)
         off_rad = np.arccos(np.clip(np.einsum("ni,ni->n", w, rays.direction) / away, -1.0, 1.0))
@@ -121,8 +121,8 @@ def _solved(rays: DirectedRays, observed: ObservedPlaces, n: int) -> tuple[Float
         off = off_rad / rays.sigma_rad
         robust = 1.0 / np.maximum(off / max(float(np.median(off)), 1.0), 1.0)
     of_centres = np.linalg.inv(S).reshape(c, 3, c, 3)[np.arange(c), :, np.arange(c)]
-    of_points += sums_of(of_centres[centre], point, p) / np.bincount(point)[:, None, None]  # they move as centres do
-    C = np.concatenate([of_centres, of_points]) * max(1.0, float(np.median(off))) ** 2
+    moved = sums_of(of_centres[centre], point, p) / np.bincount(point)[:, None, None]  # a point moves as its centres do
+    C = np.concatenate([of_centres, np.linalg.inv(N[c:]) + moved]) * max(1.0, float(np.median(off))) ** 2
     distance = np.bincount(ends, np.append(length, length)) / np.bincount(ends)
     firm = np.einsum("nii->n", C) < (UNKNOWN_PLACE * distance) ** 2
     places, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)

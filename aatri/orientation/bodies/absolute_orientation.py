@@ -9,6 +9,7 @@ import numpy as np
 
 from aatri.adjustment.threads import one_blas_thread
 from aatri.errors import ConvergenceError, GeometryError
+from aatri.ids import several
 from aatri.notes import Note
 from aatri.observations.positions import KIND as POSITION
 from aatri.orientation.bodies.absolute import OrientationSettings, Start
@@ -270,6 +271,9 @@ def _joined_and_oriented(
                 notes.extend([Note("warning", turned)] if turned else [])
             else:
                 together = parts_together(block_strips, parts, failed, settings, [turned])
+                by = several(int(turned.poses.oriented.sum()), "image", "is", "are")
+                text = f"{by} placed by attitudes, rays, control and positions together, and strips beside them"
+                notes.extend([Note("note", text)] if together else [])
         parts.extend(part for part, _ in together.values())
         notes.extend(note for _, of_part in together.values() for note in of_part)
         return [one for k, one in enumerate(failed) if k not in together]

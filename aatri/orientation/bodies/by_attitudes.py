@@ -71,7 +71,7 @@ def images_by_attitudes(ground: GroundObserved, rays: ImagePointRows, on_ground:
 
 def _observed(ground: GroundObserved, rotation: Float, places: Float, sigma_m: Float) -> ObservedPlaces:
     """Places that are known; of others positions and control, reduced to the origin. Images stand before points."""
-    n, known = len(rotation), finite_rows(places)
+    n, fixed = len(rotation), finite_rows(places)
     control, positions = control_of(ground.inside), positions_of(ground.inside)
     positions = positions.take(finite_rows(rotation)[positions.image] & ground.use_positions)
     centre_m = positions.position_m - np.einsum("nij,nj->ni", rotation[positions.image], positions.lever_arm_m)
@@ -80,9 +80,9 @@ def _observed(ground: GroundObserved, rotation: Float, places: Float, sigma_m: F
     C = np.concatenate([positions.covariance_m2, control.covariance_m2])
     of_place_m = np.where(seen, np.sqrt(diagonals(C)), np.inf)
     xyz_m = np.where(seen, np.concatenate([centre_m, control.xyz_m]) - ground.origin_m, 0.0)
-    new = ~known[place]
+    new = ~fixed[place]
     return ObservedPlaces(
-        np.append(place[new], np.flatnonzero(known)),
-        np.append(xyz_m[new], places[known], 0),
-        np.append(of_place_m[new], sigma_m[known], 0),
+        np.append(place[new], np.flatnonzero(fixed)),
+        np.append(xyz_m[new], places[fixed], 0),
+        np.append(of_place_m[new], sigma_m[fixed], 0),
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aatri.arrays import finite_rows
+from aatri.arrays import Bool, finite_rows
 from aatri.codes import CONTROL as CONTROL_CODE
 from aatri.codes import OBSERVED_VALUE
 from aatri.errors import AatriError, ConvergenceError, GeometryError
@@ -88,7 +88,7 @@ def to_ground(
         if isinstance(by_datum, str):
             part, notes = _free(ground, components[0], rays, replace(settings, weakest=OPEN_MOTION, free=True))
             notes += [Note("warning", by_datum)] if by_datum else []
-            return [part], [*notes, *(_apart(block, c, "no datum of their own") for c in components[1:])]
+            return [part], [*notes, *(_apart(block, c.images, "no datum of their own") for c in components[1:])]
         done, notes = [by_datum], [Note("note", f"{BY_DATUM_POINTS}; without them {NOTHING_PLACES}")]
     for number, component in enumerate(components[len(done) :], 1 + len(done)):
         what = f"component {number} ({several(int(component.images.sum()), 'image')})"
@@ -162,7 +162,8 @@ def _otherwise(
                 level = with_level_images(ground, np.flatnonzero(component.images))
                 part, notes = _oriented(level, component, rays, what, replace(settings, weakest=HARDLY_DETERMINED))
                 return part, [*notes, Note("warning", f"{failure.what}; {BEGUN_LEVEL}")]
-        return None, [_apart(ground.block, component, "; ".join(filter(None, reasons)))]
+        apart = component.images & np.all([~part.component.images for part in done], axis=0)
+        return None, [_apart(ground.block, apart, "; ".join(filter(None, reasons)))]
     return part, [*notes, Note("warning", f"hardly determined, errors are magnified: {failure.what}")]
 
 
@@ -223,8 +224,8 @@ def _at_datum_points(
     return OnGround(component.moved(to), by_datum[0], to, datum=by_datum[1])
 
 
-def _apart(block: Block, component: ImageComponent, reason: str) -> Note:
-    ids = block.images.id[component.images].tolist()
+def _apart(block: Block, images: Bool, reason: str) -> Note:
+    ids = block.images.id[images].tolist()
     return Note("warning", f"a component of {several(len(ids), 'image')} stays apart: {reason}", tuple(ids))
 
 

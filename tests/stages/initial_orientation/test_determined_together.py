@@ -11,13 +11,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aatri.adapters.frame.adjustment_frame import geodesy_of, in_tangent_frame, poses_into
+from aatri.adapters.frame.adjustment_frame import InTangentFrame, geodesy_of, in_tangent_frame, poses_into
+from aatri.artifacts.block import Block
 from aatri.errors import GeometryError
+from aatri.geometry import known_rotations
 from aatri.geometry.rotations import log_rotation
+from aatri.observations.image_point_rows import ImagePointRows
 from aatri.observations.image_points import rays_of
 from aatri.observations.poses import Poses
 from aatri.orientation.bodies.by_attitudes import images_by_attitudes
-from aatri.orientation.bodies.ground_observed import ground_observed
+from aatri.orientation.bodies.ground_observed import GroundObserved, ground_observed
 from aatri.orientation.graph.to_ground import _look_down
 from aatri.stages.interior_orientation.calibrated import calibrated
 from tests.small_blocks import Small, adjusted_by, flown, off_m
@@ -93,6 +96,12 @@ def test_components_begin_level_only_beside_images_that_look_down(elevation_deg:
     assert _look_down([])
 
 
+def surveyed_inside(block: Block) -> tuple[InTangentFrame, GroundObserved, ImagePointRows]:
+    inside = in_tangent_frame(block)
+    ground = ground_observed(block, inside.block, inside.frame, geodesy_of(block, inside.frame), use_positions=True)
+    return inside, ground, rays_of(inside.block, calibrated(block))
+
+
 @pytest.mark.parametrize("system", ["omega-phi-kappa", "roll-pitch-heading"])
 @pytest.mark.parametrize("positions", [0, 5])
 def test_attitudes_place_images_where_grid_north_is_not_true_north(system: str, positions: int) -> None:
@@ -102,9 +111,8 @@ def test_attitudes_place_images_where_grid_north_is_not_true_north(system: str, 
     lacks = np.isin(e.image, range(positions, 10))[:, None]
     exact = replace(e, position_m=np.where(lacks, np.nan, e.position_m), angle_sigma_rad=0 * e.angle_sigma_rad)
     block = replace(block, exterior=exact)
-    inside = in_tangent_frame(block)
-    ground = ground_observed(block, inside.block, inside.frame, geodesy_of(block, inside.frame), use_positions=True)
-    body = images_by_attitudes(ground, rays_of(inside.block, calibrated(block)), [])
+    inside, ground, rays = surveyed_inside(block)
+    body = images_by_attitudes(ground, rays, [])
     assert truth is not None
     assert not isinstance(body, str)
     true = poses_into(inside.frame, truth.position_m, truth.ground_from_image)
@@ -112,3 +120,33 @@ def test_attitudes_place_images_where_grid_north_is_not_true_north(system: str, 
     assert np.abs(turn).max() < 1e-3
     assert np.abs(body.poses.position_m + ground.origin_m - true.position_m).max() < 1.0
     assert body.turn_rad > 0
+
+
+def test_attitudes_place_only_images_that_are_not_on_the_ground(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, ground, rays = surveyed_inside(surveyed(1))
+    body = images_by_attitudes(ground, rays, [])
+    assert not isinstance(body, str)
+    begun = replace(body, poses=body.poses.where(np.arange(10) < 7))
+    others = images_by_attitudes(ground, rays, [begun])
+    assert not isinstance(others, str)
+    assert (others.poses.oriented == (np.arange(10) >= 7)).all()
+    assert np.allclose(others.poses.position_m[7:], body.poses.position_m[7:], atol=0.5)
+    monkeypatch.setattr(known_rotations, "MOST_CENTRES", 3)
+    reason = images_by_attitudes(ground, rays, [begun])
+    assert isinstance(reason, str)
+    assert "do not place 3 images" in reason
+
+
+def test_an_image_without_an_attitude_stands_beside_those_that_attitudes_place(tmp_path: Path) -> None:
+    """A single ray shows the second control point of a strip: attitudes tell its scale."""
+    small = flown(1, 4, points=40)
+    once = next(i for i, p in small.rays if p == "C2")
+    small.rays = {(i, p): xy for (i, p), xy in small.rays.items() if p != "C2" or i == once}
+    small.control, small.observed, small.attitudes = {"C1": "XYZ", "C2": "XYZ"}, {}, [*small.strip][:3]
+    done = adjusted_by("graph", small.write(tmp_path / "b"))
+    assert done.initial.images.oriented.all()
+    assert off_m(small, done.initial) < 5.0
+    assert [text for text in done.lines if text.startswith("3 images are placed by attitudes")]
+    assert not [text for text in done.lines if "stays apart" in text or "begun level" in text]
