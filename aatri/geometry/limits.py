@@ -19,8 +19,8 @@ FARTHEST_RAD, FAR_OFF_RAYS = 0.005, 6.0
 deviations, of which others are as many off, beyond which a single ray is."""
 
 MOST_CENTRES, MOST_POINTS = 300, 20_000
-"""Projection centres and points that are placed together, of more none: with 6,000 points of five rays each so many take
-0.6 s a pass (one core), with 20,000 points 1.5 s."""
+"""Projection centres and points that are placed together, of more none: with 6,000 points of five rays each so many
+take 0.6 s a pass (one core), with 20,000 points 1.5 s."""
 
 # --- portable frame
 
