@@ -139,13 +139,14 @@ def test_attitudes_place_only_images_that_are_not_on_the_ground(
     assert "do not place 3 images" in reason
 
 
-def test_an_image_without_an_attitude_stands_beside_those_that_attitudes_place(tmp_path: Path) -> None:
+@pytest.mark.parametrize("chain", ["graph", "chain"])
+def test_an_image_without_an_attitude_stands_beside_those_that_attitudes_place(tmp_path: Path, chain: str) -> None:
     """A single ray shows the second control point of a strip: attitudes tell its scale."""
     small = flown(1, 4, points=40)
     once = next(i for i, p in small.rays if p == "C2")
     small.rays = {(i, p): xy for (i, p), xy in small.rays.items() if p != "C2" or i == once}
     small.control, small.observed, small.attitudes = {"C1": "XYZ", "C2": "XYZ"}, {}, [*small.strip][:3]
-    done = adjusted_by("graph", small.write(tmp_path / "b"))
+    done = adjusted_by(chain, small.write(tmp_path / "b"))
     assert done.initial.images.oriented.all()
     assert off_m(small, done.initial) < 5.0
     assert [text for text in done.lines if text.startswith("3 images are placed by attitudes")]
