@@ -53,6 +53,7 @@ def test_the_closure_holds_what_is_reached_and_nothing_else(toy: Path) -> None:
         "toy.late",
         "toy.real",
         "aatri.ids",
+        "aatri.errors",
     }
 
 
