@@ -110,7 +110,7 @@ def graph(
             images,
             lambda b, points, pairs: _models(b, points, pairs, limit, SILENT, SAMPLES_ON_TRIAL),
         )
-        models = _models(with_distances(block, factor), image_points, images, options.snooping_limit, context)
+        models = _models(with_distances(block, factor), image_points, images, limit, context)
     pairs = graph_of(models, options.min_points, FEWEST_POINTS)
     _refuse_without_pairs(block, image_points, pairs)
     inside = in_tangent_frame(block)

@@ -197,15 +197,19 @@ def _numbers(body: list[ast.stmt]) -> Iterator[tuple[str, str]]:
                 yield ast.unparse(node.targets[0]), " ".join(str(after.value.value).split()) if told else ""
 
 
+def _numbers_outside_limits() -> Iterator[tuple[str, str, str]]:
+    """Place, name and docstring of the numbers at the top of files that are no `limits.py` and no kernels."""
+    for top in ("aatri", "stages"):
+        for path in sorted((ROOT / top).rglob("*.py")):
+            if path.name != "limits.py" and not {"kernels", "simulation", "testing"} & set(path.parts):
+                for name, text in _source(path).numbers:
+                    yield f"{path.relative_to(ROOT)}: {name}", name, text
+
+
 def test_chances_and_limits_of_tests_stand_in_limits_alone() -> None:
     """Where a threshold stands for a test its chance of an alarm is chosen once (`limits.py` of a floor or room)."""
     strays = {
-        f"{path.relative_to(ROOT)}: {name}"
-        for top in ("aatri", "stages")
-        for path in sorted((ROOT / top).rglob("*.py"))
-        if path.name != "limits.py" and not {"kernels", "simulation", "testing"} & set(path.parts)
-        for name, text in _source(path).numbers
-        if _CHANCE.search(name) or _OF_CHANCE.search(text)
+        place for place, name, text in _numbers_outside_limits() if _CHANCE.search(name) or _OF_CHANCE.search(text)
     }
     assert sorted(strays ^ set(_NO_TESTS)) == []
 
@@ -232,14 +236,7 @@ _OF_ARITHMETIC = {
 
 def test_thresholds_of_data_stand_in_limits_alone() -> None:
     """What is few, weak, wrong, far off or alike is said once, in `limits.py` of a floor or room, or in a kernel."""
-    strays = {
-        f"{path.relative_to(ROOT)}: {name}"
-        for top in ("aatri", "stages")
-        for path in sorted((ROOT / top).rglob("*.py"))
-        if path.name != "limits.py" and not {"kernels", "simulation", "testing"} & set(path.parts)
-        for name, _ in _source(path).numbers
-        if _THRESHOLD.search(name)
-    }
+    strays = {place for place, name, _ in _numbers_outside_limits() if _THRESHOLD.search(name)}
     assert sorted(strays ^ set(_OF_ARITHMETIC)) == []
 
 
